@@ -85,6 +85,19 @@ def test_states_of_clustered_poles_are_no_worse_than_rest():
     assert np.abs(state[: model.plant_states]).max() < 1e6
 
 
+def test_a_state_that_is_hardly_seen_is_fitted_where_the_outputs_need_it():
+    """Seen 5e11 times less than others, it makes outputs that no other states make."""
+    poles = 0.97 * np.exp(1j * (0.1 + 0.05 * np.arange(6)))
+    denominator = np.poly([*poles, *poles.conj()]).real
+    form = PolynomialModel(ONE, ONE, ONE, ONE, denominator, nk=1).plant().state_space()
+    seen = form.free_responses(form.A, 300)
+    left, sizes, _ = np.linalg.svd(seen[:, 0] / np.linalg.norm(seen[:, 0], axis=0))
+    assert 1e-13 < sizes[-1] / sizes[0] < 1e-11
+    rest, y = np.zeros((300, 1)), left[:, [len(sizes) - 1]]
+    state = form.prediction_state(rest, y)
+    assert np.linalg.norm(form.residuals(rest, y, state)) < 0.01 * np.linalg.norm(y)
+
+
 def test_close_poles_are_simulated_over_long_records():
     """Powers of a companion matrix of eight poles rise to 1e7; their squares leave the floats."""
     radii, angles = [0.975, 0.997, 0.978, 0.993], [0.61, 0.19, 0.20, 0.02]

@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 from evopem.arrays import Array
 
 # Singular values of the response to an initial state below this share of the largest one say
-# nothing about the state.
+# nothing about the state, unless errors need them.
 STATE_RANK = 1e-11
+TINY = float(np.finfo(float).tiny)
 # Share of the largest response to a state below which it has decayed.
 DECAYED = 1e-20
 # Weight of samples that count where others say nothing.
@@ -82,11 +83,25 @@ def probable(columns: Array, target: Array, spread: Array, robust: bool, moments
 
 
 def _least_squares(columns: Array, goal: Array) -> Array:
+    """Without the directions that are hardly seen, unless the BIC prefers a fit with them."""
+    coefficients, rank = _solved(columns, goal, STATE_RANK)
+    if rank < columns.shape[1]:
+        finer, more = _solved(columns, goal, len(columns) * np.finfo(float).eps)
+        left, less = (
+            max(float(np.sum((goal - columns @ x) ** 2)), TINY) for x in (coefficients, finer)
+        )
+        if len(goal) * np.log(left / less) > (more - rank) * np.log(len(goal)):
+            return finer
+    return coefficients
+
+
+def _solved(columns: Array, goal: Array, share: float) -> tuple[Array, int]:
     try:
-        return np.asarray(np.linalg.lstsq(columns, goal, STATE_RANK)[0])
+        coefficients, _, rank, _ = np.linalg.lstsq(columns, goal, share)
     except np.linalg.LinAlgError:
         # The iteration for singular values may not end; a decomposition with pivots needs none.
-        return np.asarray(scipy.linalg.lstsq(columns, goal, STATE_RANK, lapack_driver="gelsy")[0])
+        coefficients, _, rank, _ = scipy.linalg.lstsq(columns, goal, share, lapack_driver="gelsy")
+    return np.asarray(coefficients), int(rank)
 
 
 def states_of(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array:
