@@ -3,8 +3,8 @@
     PYTHONPATH=workflow/scripts python benchmarks/public_recordings.py --data FOLDER [--only NAME]
     PYTHONPATH=workflow/scripts python benchmarks/public_recordings.py --data FOLDER --set second
 
-``recordings_of_others.py`` says where the recordings come from and how each is split.  One that is
-missing is left out, with a message.
+``recordings_of_others.py`` and ``recordings_of_others_later.py`` say where the recordings come from
+and how each is split.  One that is missing is left out, with a message.
 
 Only input, output and rate are given.  Errors are ``100 ||y - yhat|| / ||y - mean(y)||`` of
 simulations of validation samples, from the initial state that their first tenth determines; those
@@ -14,12 +14,14 @@ of the peers with a level that is fitted to what is scored.  Errors above 100 % 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 from automatic_zoo import PEERS, automatic
 from evidence import write_section
-from recordings_of_others import SETS, Record, seen
+from recordings_of_others import Record, reserved, second, seen, third
+from recordings_of_others_later import fourth
 
 import evopem
 from evopem.automatic.cross_validation.simulation import simulated_on
@@ -27,6 +29,14 @@ from evopem.signals.recording import Segment
 
 COMMAND = "benchmarks/public_recordings.py"
 FURTHER = (automatic, *PEERS)
+# Reader, end of the title and note of each set.
+SETS: dict[str, tuple[Callable[[Path], Iterator[Record]], str, str]] = {
+    "seen": (seen, "", "All were in view when rules of the choice or of the checks were made."),
+    "second": (second, ", second set", "All have served to make rules since 2026-11-26"),
+    "reserved": (reserved, ", reserved", "All have served to make rules since 2026-11-27"),
+    "third": (third, ", third set", "All have served to make rules since 2026-11-27"),
+    "fourth": (fourth, ", fourth set", "Nothing was run on any before the rules were complete"),
+}
 
 
 def peer_errors(record: Record) -> list[float]:
@@ -73,11 +83,12 @@ def main() -> None:
         rows.append((record.name, split, *numbers, found.summary.model, str(len(defects))))
         print(" | ".join(rows[-1]), "|", ", ".join(defects), flush=True)
     means = np.exp(np.mean(np.log(ratios), axis=0))
+    sources = f"; sources are in `benchmarks/{read.__module__}.py`. "
     text = (
         f"Geometric mean of the errors, capped at 100 %: {means[0]:.2f} times those of the peer "
         f"that chooses by itself, {means[1]:.2f} times the lowest of all peers, which is known "
         f"afterwards only. Failed checks that are defects: {np.mean(failed):.1f} a recording. "
-        f"{note}{'; sources are in `benchmarks/recordings_of_others.py`. ' * (read is not seen)}"
+        f"{note}{sources * (read is not seen)}"
     )
     print(text)
     if not arguments.only:

@@ -1,5 +1,7 @@
 """Recordings of others for ``public_recordings.py``: their sources, readers and splits.
 
+``recordings_of_others_later.py`` has the set that was put together last.
+
 The folder holds recordings that are free to download but are not part of the project, under these
 names: of DaISy (De Moor, KU Leuven) ``ballbeam.dat``, ``exchanger.csv``, ``flutter.dat``,
 ``heating_system.dat``, ``dryer.dat`` and ``robot_arm.dat``; of the nonlinear benchmarks
@@ -55,9 +57,9 @@ rules since 2026-11-27:
   towing tank, zigzags to port and to starboard: rudder, rate of yaw, every fourth sample);
 - czagoni/darkgreybox (MIT): ``demo_data.csv`` (a house by the hour: heating, temperature).
 
-The set ``third`` is for one measurement of the rules that followed: 15 recordings, chosen by their
-plots and split before anything was run on any of them.  Where a repository states no licence, the
-rights stay with its owner:
+The set ``third`` was put together for one measurement of the rules that followed: 15 recordings,
+chosen by their plots and split before anything was run on any of them.  They have served to make
+rules since 2026-11-27.  Where a repository states no licence, the rights stay with its owner:
 
 - brunnese/EngineSystems (none): ``DataIdentification.mat``, ``DataValidation.mat`` (engine on a
   test bed: mass flow of air, pressure in the intake manifold, every second sample);
@@ -287,7 +289,7 @@ def reserved(folder: Path) -> Iterator[Record]:
 
 
 def third(folder: Path) -> Iterator[Record]:
-    """Recordings for one measurement of later rules: 15, of one input and one output each."""
+    """Recordings that no later rule was made with until 2026-11-27: 15, of one input and output."""
     matlab, table = partial(signals_of, folder), partial(columns_of, folder)
 
     def every(step: int, read: Callable[[], list[np.ndarray]]) -> Callable[[], list[np.ndarray]]:
@@ -346,11 +348,3 @@ def third(folder: Path) -> Iterator[Record]:
             ("temperature chamber", chamber, 1400, 900, 1.0),
         )
     )
-
-
-SETS: dict[str, tuple[Callable[[Path], Iterator[Record]], str, str]] = {
-    "seen": (seen, "", "All were in view when rules of the choice or of the checks were made."),
-    "second": (second, ", second set", "All have served to make rules since 2026-11-26"),
-    "reserved": (reserved, ", reserved", "All have served to make rules since 2026-11-27"),
-    "third": (third, ", third set", "Nothing was run on any before the rules were complete"),
-}
