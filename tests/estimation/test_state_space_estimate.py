@@ -156,6 +156,17 @@ def test_the_model_of_a_point_has_the_errors_of_the_point(structure):
         np.testing.assert_allclose(residuals, expected, atol=1e-9)
 
 
+@pytest.mark.parametrize("gap", [0.3, 0.06, 0.04])  # from products, near their bound, without them
+def test_errors_are_those_of_least_squares(gap):
+    errors, _ = problem("ss_oe", 6)
+    found = errors.projection(from_poles(errors, 0.9 - gap * np.arange(6) + 0j))
+    expected = np.linalg.lstsq(found.regressors, errors.data.outputs, rcond=None)[0]
+    left = errors.data.outputs - found.regressors @ expected
+    np.testing.assert_allclose(found.errors, left, atol=1e-9)
+    assert np.abs(found.basis.T @ found.errors).max() < 1e-13
+    np.testing.assert_allclose(found.basis.T @ found.basis, np.eye(found.basis.shape[1]), atol=3e-9)
+
+
 @pytest.mark.parametrize("order", [3, 6])
 def test_a_change_of_basis_leaves_the_point_equivalent(order):
     errors, point = problem("ss_oe", order)

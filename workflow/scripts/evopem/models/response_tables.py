@@ -131,8 +131,8 @@ def response_slopes(model: StateSpaceModel, frequencies: Array, noise: bool) -> 
     """
     n, nu = model.order, model.inputs
     z = np.exp(2j * np.pi * frequencies / model.sampling_rate)
-    left = model.resolvent(z, np.eye(n))[:, 0]
-    right = model.state_response(z, model.K if noise else model.B)
+    resolvent = model.state_response(z, np.eye(n))
+    left, right = (model.C @ resolvent)[:, 0], resolvent @ (model.K if noise else model.B)
     sources, of_output = right.shape[2], n * n + n * nu
     slopes = np.zeros((len(z), sources, of_output + n + nu + n), complex)
     of_source = of_output + n + nu if noise else n * n

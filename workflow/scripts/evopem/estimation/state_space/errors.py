@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import block_diag, qr
 from scipy.linalg.blas import dgemm
-from scipy.linalg.lapack import dtrcon, dtrtrs
+from scipy.linalg.lapack import dpotrf, dtrcon, dtrtri, dtrtrs
 
 from evopem.arrays import Array, Flags, Indices, Integers
 from evopem.config.settings import OutputWeighting
@@ -38,7 +38,8 @@ from evopem.signals.recording import Recording, sample_times
 
 # Singular values of the regressors, their columns scaled to unit length, below this share of the
 # largest one are rounding; none can be where the reciprocal condition is above the second for each.
-REGRESSOR_RANK, WELL_CONDITIONED = 1e-9, 1e-8
+# Above the third their products tell enough for a basis (CholeskyQR, Stathopoulos & Wu 2002).
+REGRESSOR_RANK, WELL_CONDITIONED, OF_PRODUCTS = 1e-9, 1e-8, 1e-4
 # Added to the variances of the errors, relative to the power of the outputs: errors of less than a
 # ten-millionth of an output carry no information, and a determinant would seek them out.
 ROUNDING = 1e-14
@@ -277,13 +278,17 @@ class StateSpaceErrors:
     def projection(self, point: Array) -> Projection:
         """Errors with the best C, D and constants."""
         sections, states, regressors = self._regression(point)
-        sizes = np.linalg.norm(regressors, axis=0)
+        gram, y = regressors.T @ regressors, self.data.outputs
+        sizes = np.sqrt(np.diag(gram))
         sizes[sizes == 0.0] = 1.0
-        # Several times as fast on long records as numpy's, with the same routine.
-        basis, triangle = qr(regressors / sizes, mode="economic", check_finite=False)
-        y = self.data.outputs
+        triangle, failed = dpotrf(gram / np.outer(sizes, sizes))
+        if not failed and dtrcon(triangle)[0] > OF_PRODUCTS:
+            basis = regressors @ (dtrtri(triangle)[0] / sizes[:, None])
+        else:
+            basis, triangle = qr(regressors / sizes, mode="economic", check_finite=False)
         if dtrcon(triangle)[0] > WELL_CONDITIONED * len(sizes):
             along = basis.T @ y
+            along += basis.T @ (y - basis @ along)  # of products the basis is orthogonal to 1e-8
             linear = dtrtrs(triangle, along)[0]
         else:
             left, singular, right = np.linalg.svd(triangle)
@@ -380,15 +385,13 @@ class StateSpaceErrors:
         signals = self.signals.derivatives(projection.sections, projection.states)
         along = projection.basis.T @ signals
         # Less their part in the space of the regressors, without another array of this size.
-        signals = dgemm(
-            -1.0, along.T, projection.basis, 1.0, signals.T, trans_b=True, overwrite_c=True
-        ).T
+        against = signals.T @ projection.errors
+        signals = dgemm(-1.0, along.T, projection.basis.T, 1.0, signals.T, overwrite_c=True).T
         c = projection.linear[: self.order].T
         weights = self.weights(projection.covariance)
         per_sample = 2.0 / self.data.samples
         hessian = per_sample * self.signals.contracted(
             projection.sections, signals.T @ signals, c.T @ weights @ c
         )
-        against = signals.T @ (projection.errors @ (weights @ c))
-        gradient = self.signals.summed(projection.sections, -against)
+        gradient = self.signals.summed(projection.sections, -against @ (weights @ c))
         return per_sample * gradient, hessian
