@@ -61,18 +61,6 @@ class LostModelError(InputError, NoModelError):
     """A model that rounding has spoilt: no candidate, and no result."""
 
 
-def check_choice(source: str, value: object, choices: Sequence[str]) -> None:
-    """Refuse what is none of the words that a setting can have.
-
-    Raises
-    ------
-    InputError
-        Naming the words.
-    """
-    if not (isinstance(value, str) and value in choices):
-        raise InputError(source, f"{value!r} is not known", f"give {' or '.join(choices)}")
-
-
 FOR_RESULTS = ("pandas", "jinja2")
 FOR_FIGURES = (*FOR_RESULTS, "matplotlib")
 FOR_REPORT = FOR_FIGURES

@@ -10,8 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from evopem.arrays import Array
-from evopem.config.settings import OBJECTIVES, SpectrumSettings
-from evopem.errors import check_choice
+from evopem.config.settings import SpectrumSettings
 from evopem.models.mode_matching import OrderModel
 from evopem.models.polynomial import PolynomialModel, state_space_of
 from evopem.models.state_space import StateSpaceModel
@@ -114,7 +113,6 @@ def validate(
     of the class of the model, where they are known.  Of a model without input there is no
     simulation.  ValueError when too few samples are left for a test.
     """
-    check_choice("objective", objective, OBJECTIVES)
     held_out = held_out_stretches(model, prepared, fit_level)
     responses, form = responses_of(held_out, fit_level), state_space_of(model)
     if not responses.scored.any():

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,25 +33,17 @@ def opened(path: Path) -> Iterator[Contents]:
     A name is any of the five identification lines, the response entity's name, the ordinate's
     label, or node and direction as in ``12:Z+``.
     """
-    pyuff = library("pyuff", path)
-    _refuse_broken_off(path)
-    try:
-        file = pyuff.UFF(str(path))
-        sets = [index for index, kind in enumerate(file.get_set_types()) if kind == 58]
+    file, sets = _functions(path)
+    with _refusing_damage(path):
         names = [_names_of(file.read_sets(index, header_only=True)) for index in sets]
-    except Exception:
-        # pyuff raises bare Exception, whatever is wrong.
-        refuse_unreadable(path, "universal file")
     if not sets:
         raise InputError(
             str(path), "holds no dataset of type 58", "export the time records as dataset 58"
         )
 
     def load(index: int) -> Channel:
-        try:
+        with _refusing_damage(path):
             dataset = file.read_sets(sets[index])
-        except Exception:
-            refuse_unreadable(path, "universal file")
         return _channel(path, dataset, index + 1, names[index][0])
 
     yield Contents(path, "dataset", names, load)
@@ -62,33 +55,45 @@ def frequency_functions(path: Path) -> dict[tuple[str, str, bool], tuple[Array, 
     Frequencies (Hz), values and unit, by the degrees of freedom of response and reference, such as
     ``12:Z+``, and by whether they are coherences.
     """
-    pyuff = library("pyuff", path)
-    _refuse_broken_off(path)
-    try:
-        file = pyuff.UFF(str(path))
-        sets = [n for n, kind in enumerate(file.get_set_types()) if kind == 58]
-        read = [file.read_sets(n) for n in sets]
-    except Exception:
-        refuse_unreadable(path, "universal file")
+    file, sets = _functions(path)
+    with _refusing_damage(path):
+        read = [file.read_sets(index) for index in sets]
     functions = {}
     for dataset in read:
         if dataset.get("func_type") in (_FREQUENCY_RESPONSE, _COHERENCE):
-            directions = [
-                _DIRECTIONS.get(dataset.get(f"{end}_dir", 0), "") for end in ("rsp", "ref")
-            ]
-            ends = [f"{dataset.get('rsp_node', 0)}:{directions[0]}"]
-            ends += [f"{dataset.get('ref_node', 0)}:{directions[1]}"]
+            response, reference = (_degree_of_freedom(dataset, end) for end in ("rsp", "ref"))
             unit = str(dataset.get("ordinate_axis_units_lab", "")).strip().replace("NONE", "")
-            values = (
-                np.asarray(dataset["x"], dtype=float),
-                np.asarray(dataset["data"], complex),
-                unit,
-            )
-            functions[ends[0], ends[1], dataset["func_type"] == _COHERENCE] = values
+            frequencies, values = np.asarray(dataset["x"], dtype=float), dataset["data"]
+            is_coherence = dataset["func_type"] == _COHERENCE
+            read_values = frequencies, np.asarray(values, complex), unit
+            functions[response, reference, is_coherence] = read_values
     if all(is_coherence for *_, is_coherence in functions):
         problem = "holds no frequency response (dataset 58, function type 4)"
         raise InputError(str(path), problem, "export the responses, or leave out frequency")
     return functions
+
+
+@contextmanager
+def _refusing_damage(path: Path) -> Iterator[None]:
+    """Refuse a file that pyuff cannot read; it raises bare Exception, whatever is wrong."""
+    try:
+        yield
+    except Exception:
+        refuse_unreadable(path, "universal file")
+
+
+def _functions(path: Path) -> tuple[Any, list[int]]:
+    """A file as pyuff opens it, and the numbers of its datasets of type 58."""
+    pyuff = library("pyuff", path)
+    _refuse_broken_off(path)
+    with _refusing_damage(path):
+        file = pyuff.UFF(str(path))
+        return file, [index for index, kind in enumerate(file.get_set_types()) if kind == 58]
+
+
+def _degree_of_freedom(header: Properties, end: str) -> str:
+    """Node and direction of an end of a function, ``rsp`` or ``ref``, such as ``12:Z+``."""
+    return f"{header.get(f'{end}_node', 0)}:{_DIRECTIONS.get(header.get(f'{end}_dir', 0), '')}"
 
 
 def _refuse_broken_off(path: Path) -> None:
@@ -109,8 +114,7 @@ def _names_of(header: Properties) -> tuple[str, ...]:
     """All names of a dataset, the most telling one first."""
     texts = [str(header.get(field, "")).strip() for field in _NAME_FIELDS]
     names = [text for text in texts if text and text.upper() != "NONE"]
-    direction = _DIRECTIONS.get(header.get("rsp_dir", 0), "")
-    return (*names, f"{header.get('rsp_node', 0)}:{direction}")
+    return (*names, _degree_of_freedom(header, "rsp"))
 
 
 def _channel(path: Path, dataset: Properties, number: int, name: str) -> Channel:
