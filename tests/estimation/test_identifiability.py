@@ -11,6 +11,7 @@ from evopem.estimation.pem.covariance import pseudo_inverse_factor
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import describe
 from evopem.models.orders import armax_orders
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.response_tables import response_interval
 from evopem.signals.recording import Segment
 
@@ -104,6 +105,13 @@ def test_the_shortest_b_leaves_the_residuals_as_they_are():
     assert np.abs(errors.residuals(point) - found.residuals[found.window.loss_start :]).max() < 1e-8
     assert np.abs(moved.model.B[0] - found.model.B[0]).max() < 1e-4
     assert np.linalg.norm(moved.model.B[0]) < 2.0
+
+
+def test_what_rounding_turns_the_null_space_by_leaves_errors_known():
+    """Rounding mixes 2e-6 of each direction that is just told into those that are not."""
+    covariance = ParameterCovariance(np.array([[2.0], [0.0]]), np.array([[1.0], [1.0]]))
+    gradients = np.array([[1.0, -1.0 + 1e-5], [1.0, -1.0 + 1e-3]])
+    np.testing.assert_array_equal(covariance.standard_errors(gradients), [2.0, np.inf])
 
 
 def test_pseudo_inverse_factor_of_a_singular_matrix():
