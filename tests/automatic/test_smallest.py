@@ -34,6 +34,7 @@ from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
+from evopem.validation.checks.roots import INSIDE_BOUND
 
 SAMPLES, ONE = 500, np.ones(1)
 MODEL = PolynomialModel(ONE, ONE, ONE, ONE, ONE, 1)
@@ -224,6 +225,15 @@ def test_a_valid_model_simulates_worse_by_no_more_than_chance(effect, is_taken):
     assert (choice is not None and choice[0] is likeliest) == is_taken
 
 
+@pytest.mark.parametrize("check", [INDEPENDENT_OF_INPUT, INSIDE_BOUND])
+def test_a_likely_model_is_not_taken_for_its_likelihood_where_that_says_little(check):
+    """Of a root at the bound the largest likelihood is no inner one."""
+    likeliest, best = candidate(12), candidate(8, evidence=40.0)
+    of_all = scorer_of((likeliest, best), of_all=(check,))
+    assert _by_likelihood(scorer_of((likeliest, best)), (likeliest, best), "simulation", best)
+    assert _by_likelihood(of_all, (likeliest, best), "simulation", best) is None
+
+
 @pytest.mark.parametrize(
     ("effect", "failures", "is_taken"),
     [
@@ -308,7 +318,7 @@ def test_what_a_linear_model_misses_calls_for_a_regularised_response(gain, follo
     assert found is (response if is_response else chosen)
 
 
-@pytest.mark.parametrize(("prediction", "is_left"), [(2.9, False), (3.1, True)])
+@pytest.mark.parametrize(("prediction", "is_left"), [(1.4, False), (1.6, True)])
 def test_a_noise_model_that_makes_held_out_errors_several_times_larger_is_refuted(
     monkeypatch, prediction, is_left
 ):

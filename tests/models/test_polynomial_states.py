@@ -65,6 +65,16 @@ def test_a_few_noisy_samples_give_a_better_state_than_least_squares_and_than_res
     assert probable < rest
 
 
+def test_a_fitted_level_beside_an_integrator_draws_no_ramp():
+    """The first samples tell the level from the integrator's state by their noise alone."""
+    model, errors = replace(MODEL, A=ONE, F=np.poly([0.8, 0.999]).real), []
+    for seed in range(20):
+        u, x, y = signals(model, 1000, 0.5, seed)
+        found = simulate_from_first(model, u, y, 100, fit_level=True)
+        errors.append(np.std(found - x) / np.std(x))
+    assert np.mean(errors) < 0.18
+
+
 def test_states_of_clustered_poles_are_no_worse_than_rest():
     """The least-squares states reach 4e9, and rounding makes their errors larger than at rest."""
     angles = np.array([0.01, 0.011, 0.012, 0.013, 0.014])

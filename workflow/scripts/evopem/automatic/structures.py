@@ -36,6 +36,7 @@ from evopem.automatic.preparation.disturbance import follow_input
 from evopem.config.structures import OF_SIMULATION
 from evopem.errors import NoModelError
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
+from evopem.validation.checks.roots import INSIDE_BOUND
 
 Purpose = Literal["simulation", "prediction", "modes", "auto"]
 Level = Literal["constant", "state"]
@@ -50,7 +51,7 @@ MOST_WHEN_VALID, MOST_UNDER_FEEDBACK = 1.25, 1.35
 MOST_WHEN_ALL_HOLD = MOST_UNDER_HEAVY_TAILS = 3.0
 FINALISTS = 2
 # One-step errors over simulation errors, on held-out samples, that refute a noise model.
-HARMFUL = 3.0
+HARMFUL = 1.5
 # The largest logarithm of a ratio of errors that standard errors of few folds may call chance.
 MOST_BY_CHANCE = 1.0
 
@@ -238,6 +239,8 @@ def _despite_simulations(
     """
     likeliest = min(candidates, key=BIC)
     ratio = score(likeliest) / lowest
+    if INSIDE_BOUND in scorer.checks(likeliest).failed:
+        return None
     if (
         scorer.settings.objective == "absolute"
         and _passes_through_plant(likeliest)
@@ -285,7 +288,7 @@ def _by_likelihood(
     if not (
         score(likeliest) / score(lowest) < largest
         and checks.whiteness >= BY_CHANCE
-        and INDEPENDENT_OF_INPUT not in checks.failed
+        and not {INDEPENDENT_OF_INPUT, INSIDE_BOUND}.intersection(checks.failed)
     ):
         return None
     near = _without_evidence(scorer, candidates, *_criteria(likeliest))

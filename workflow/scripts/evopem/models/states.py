@@ -67,8 +67,9 @@ def fitted(
 def probable(columns: Array, target: Array, spread: Array, robust: bool, moments: Array) -> Array:
     """The most probable coefficients, (k,), of columns, (N, ny, k), that leave noise of a target.
 
-    The first n are normal with second moments (n, n), and the noise has the size of what
-    :func:`fitted` leaves.  Other arguments as there.
+    The first n are normal with second moments (n, n), levels behind them with those of the target:
+    beside an integrator they would draw ramps.  The noise has the size of what :func:`fitted`
+    leaves.  Other arguments as there.
     """
     (samples, ny, count), n = columns.shape, len(moments)
     left = target - columns @ fitted(columns, target, spread)
@@ -77,9 +78,10 @@ def probable(columns: Array, target: Array, spread: Array, robust: bool, moments
     noise = np.sqrt(np.maximum(np.mean(squares, axis=0), 1e-20 * np.mean(target**2, axis=0)))
     noise[noise == 0.0] = 1.0
     powers, directions = np.linalg.eigh(moments)
-    scaled = np.eye(count)
+    scaled = np.zeros((count, count))
     scaled[:n, :n] = directions * np.sqrt(np.maximum(powers, 0.0))
-    return np.asarray(scaled @ fitted(columns @ scaled, target, noise, robust, np.eye(n, count)))
+    np.fill_diagonal(scaled[n:, n:], np.sqrt(np.mean(target**2, axis=0)))
+    return np.asarray(scaled @ fitted(columns @ scaled, target, noise, robust, np.eye(count)))
 
 
 def _least_squares(columns: Array, goal: Array) -> Array:
