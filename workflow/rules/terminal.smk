@@ -55,7 +55,7 @@ def print_results():
     if not names:
         return
     import pandas as pd
-    from evopem.report.control_chart import damage_sentences
+    from evopem.report.index_page import damage_sentences
     from evopem.results.fleet import read_entry
     from evopem.report.results_text import run_text, show
 
