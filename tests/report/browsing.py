@@ -100,7 +100,7 @@ def index(summary, tmp_path_factory):
     file = tmp_path_factory.mktemp("pages") / "index.html"
     gone = IncompleteDataset("failed", HOSTILE)
     entries = {"bench": summary, HOSTILE: summary, "gone": gone}
-    file.write_text(build_index(entries, TEMPLATES), encoding="utf-8")
+    file.write_text(build_index(entries), encoding="utf-8")
     return file
 
 
@@ -109,7 +109,7 @@ def comparison(results, tmp_path_factory):
     """Two models, one of them named by a script, the other one with a comma."""
     file = tmp_path_factory.mktemp("pages") / "comparison.html"
     compared = Comparison.of([results, results], (HOSTILE, "bench, again"))
-    file.write_text(build_comparison(compared, TEMPLATES), encoding="utf-8")
+    file.write_text(build_comparison(compared), encoding="utf-8")
     return file
 
 
@@ -118,7 +118,7 @@ def setups(results, tmp_path_factory):
     """Two set-ups of one structure, their modes merged."""
     file = tmp_path_factory.mktemp("pages") / "setups.html"
     compared = Comparison.of([results, results], ("left", "right"), setups=True)
-    file.write_text(build_comparison(compared, TEMPLATES), encoding="utf-8")
+    file.write_text(build_comparison(compared), encoding="utf-8")
     return file
 
 
@@ -132,7 +132,7 @@ def thousand(summary, tmp_path_factory):
     problem = 'bench.csv, line 7: "x" is not a number; correct it.'
     entries["bench-999"] = IncompleteDataset("failed", problem)
     file = tmp_path_factory.mktemp("pages") / "thousand.html"
-    file.write_text(build_index(entries, TEMPLATES), encoding="utf-8")
+    file.write_text(build_index(entries), encoding="utf-8")
     return file
 
 
@@ -150,7 +150,7 @@ def several(summary, tmp_path_factory):
         "bench-2": IncompleteDataset("failed", problem, "logs/recording.log"),
     }
     file = tmp_path_factory.mktemp("pages") / "several.html"
-    file.write_text(build_index(entries, TEMPLATES), encoding="utf-8")
+    file.write_text(build_index(entries), encoding="utf-8")
     return file
 
 

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 from browsing import (
-    TEMPLATES,
     browser,
     comparison,
     hostile,
@@ -65,7 +64,7 @@ def build(figures, config_text):
     """Function that builds the report of results, with the figures of the fixture by default."""
 
     def built(results, figures=figures, wall_clock=None, **options):
-        return build_report(results, figures, wall_clock or {}, config_text, TEMPLATES, **options)
+        return build_report(results, figures, wall_clock or {}, config_text, **options)
 
     return built
 

@@ -218,7 +218,7 @@ def test_what_differs_everywhere_forms_no_groups(browser, several, summary, tmp_
         for day in (1, 2)
     }
     file = tmp_path / "index.html"
-    file.write_text(build_index(entries, TEMPLATES), encoding="utf-8")
+    file.write_text(build_index(entries), encoding="utf-8")
     visit(browser, file)
     assert "Model" in browser.execute_script(groups)
     assert "Modes (Hz)" not in browser.execute_script(groups)
@@ -228,7 +228,7 @@ def test_what_differs_everywhere_forms_no_groups(browser, several, summary, tmp_
 def test_groups_of_one_data_set_are_no_choice(browser, summary, tmp_path, names, shown):
     file = tmp_path / "index.html"
     entries = dict.fromkeys((*names, "rig"), summary)
-    file.write_text(build_index(entries, TEMPLATES), encoding="utf-8")
+    file.write_text(build_index(entries), encoding="utf-8")
     visit(browser, file)
     assert browser.find_element("css selector", "[data-filter=group]").is_displayed() == shown
 

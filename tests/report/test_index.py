@@ -5,7 +5,7 @@ import re
 from dataclasses import replace
 
 import pytest
-from test_pages import HOSTILE, TEMPLATES, Page
+from test_pages import HOSTILE, Page
 
 from evopem.report.index_page import build_index
 from evopem.report.numbers import to_its_error
@@ -34,7 +34,7 @@ def test_the_worst_come_first_and_each_links_its_report(summary):
         "gone": IncompleteDataset("failed", "gone.csv: <no> file", "logs/recording.log"),
         "never": IncompleteDataset("unfinished", "not all of its jobs have run"),
     }
-    html = build_index(entries, TEMPLATES)
+    html = build_index(entries)
     page = Page(html)
     links = [
         reference for reference in page.references if reference.endswith(("report.html", ".log"))
@@ -58,7 +58,7 @@ def test_the_worst_come_first_and_each_links_its_report(summary):
 
 
 def test_each_row_has_the_numbers_of_its_data_set(summary):
-    page = Page(build_index({"bench": summary}, TEMPLATES, page="model.json"))
+    page = Page(build_index({"bench": summary}, page="model.json"))
     assert f"{summary.prediction_error_percent:.1f}" in page.text
     assert f"{summary.simulation_error_percent:.1f}" in page.text
     assert str(summary.orders) in page.text
@@ -66,7 +66,7 @@ def test_each_row_has_the_numbers_of_its_data_set(summary):
 
 
 def test_each_row_has_its_modes_and_gain(summary):
-    html = build_index({"bench": summary}, TEMPLATES)
+    html = build_index({"bench": summary})
     for mode, trusted in zip(summary.modes, summary.trusted, strict=True):
         shown = to_its_error(mode.frequency_hz, mode.frequency_se_hz)
         assert (f"<strong>{shown}</strong>" in html) == trusted
@@ -80,13 +80,13 @@ def test_each_row_has_its_modes_and_gain(summary):
 def test_a_mode_has_the_digits_that_its_standard_error_leaves(summary):
     """Three digits said 37.0 Hz of 36.9874 ± 0.0002 Hz, so that changes were not seen."""
     mode = replace(summary.modes[0], frequency_hz=36.98741, frequency_se_hz=0.0002)
-    html = build_index({"bench": replace(summary, modes=(mode,), trusted=(True,))}, TEMPLATES)
+    html = build_index({"bench": replace(summary, modes=(mode,), trusted=(True,))})
     assert "<strong>36.9874</strong>" in html
 
 
 def test_no_link_has_another_name_for_screen_readers_than_its_text(summary):
     gone = IncompleteDataset("failed", "gone.csv: no file", "logs/recording.log")
-    html = build_index({"bench": summary, "gone": gone}, TEMPLATES)
+    html = build_index({"bench": summary, "gone": gone})
     assert re.findall(r"<a [^>]*aria-label", html) == []
     assert "Log" in html
 
@@ -108,7 +108,7 @@ def test_names_that_begin_alike_form_a_group(name, group):
 
 def test_groups_are_shown_where_they_divide_the_data_sets(summary):
     def grouped(*names):
-        page = Page(build_index(dict.fromkeys(names, summary), TEMPLATES))
+        page = Page(build_index(dict.fromkeys(names, summary)))
         return "Data set Group" in page.text
 
     assert grouped("arm-1", "arm-2", "bench-1")
@@ -119,18 +119,18 @@ def test_groups_are_shown_where_they_divide_the_data_sets(summary):
 def test_recordings_of_several_folders_are_grouped_by_them(summary):
     files = {"a-1": "north/a.csv", "b-1": "north/b.csv", "a-2": "south/a.csv"}
     entries = {name: replace(summary, file=file) for name, file in files.items()}
-    html = build_index(entries, TEMPLATES)
+    html = build_index(entries)
     assert sorted(re.findall(r'<tr data-group="(\w*)"', html)) == ["north", "north", "south"]
 
 
 def test_the_pages_of_merged_set_ups_are_linked(summary):
-    page = Page(build_index({"a": summary}, TEMPLATES, setups=("beam", "frame 2")))
+    page = Page(build_index({"a": summary}, setups=("beam", "frame 2")))
     assert {"setups/beam.html", "setups/frame%202.html"} <= set(page.references)
     assert "Merged set-ups: beam, frame 2" in page.text
 
 
 def test_a_gain_that_is_zero_or_unknown_is_drawn_or_left_out(summary):
     flat = replace(summary, gain_db=(-math.inf, 3.0, 3.0))
-    assert build_index({"a": flat}, TEMPLATES).count("<svg") == 1
+    assert build_index({"a": flat}).count("<svg") == 1
     unknown = replace(summary, gain_db=(math.nan, math.nan))
-    assert build_index({"a": unknown}, TEMPLATES).count("<svg") == 0
+    assert build_index({"a": unknown}).count("<svg") == 0

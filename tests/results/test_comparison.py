@@ -11,7 +11,6 @@ from evopem.config.channels import ChannelPlace, Geometry
 from evopem.errors import InputError
 from evopem.models.modes import Mode
 from evopem.report.comparison import build_comparison, dependence_sentences, merged_sentences
-from evopem.report.templates import template_folder
 from evopem.results.comparison import Comparison, spread_percent
 
 
@@ -159,9 +158,9 @@ def test_merged_shapes_are_drawn_over_the_geometries_of_all_set_ups(results):
         return replace(named, settings=replace(results.settings, geometry=geometry))
 
     compared = Comparison.of([at("mid", "a"), at("tip", "b")], ["one", "other"], setups=True)
-    page = build_comparison(compared, template_folder())
+    page = build_comparison(compared)
     assert page.count('<svg class="shape"') == 3
     assert "<title>mid</title>" in page
     assert "<title>tip</title>" in page
     alone = Comparison.of([at("mid", "a"), results], ["one", "other"], setups=True)
-    assert build_comparison(alone, template_folder()).count('<svg class="shape"') == 3
+    assert build_comparison(alone).count('<svg class="shape"') == 3

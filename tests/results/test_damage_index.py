@@ -11,7 +11,6 @@ from evopem import InputError, damage_index
 from evopem.config.conditions import Following
 from evopem.models.modes import Mode
 from evopem.report.index_page import build_index, damage_charts, damage_sentences, movements
-from evopem.report.templates import template_folder
 from evopem.results.damage_index import Compared
 from evopem.results.fleet import DatasetSummary
 from evopem.results.followed_modes import follow_modes
@@ -65,13 +64,13 @@ def test_damage_is_told_from_the_temperature_and_named():
     (chart,) = damage_charts(table)
     assert chart["marks"].count("M") == (table["damage_index"] > 1.0).sum()
     assert chart["reference"].count("M") == 30
-    page = build_index({}, template_folder(), damage=table)
+    page = build_index({}, damage=table)
     assert 'id="damage-index"' in page
     assert 'href="damage_index.csv"' in page
     # The link counts the recordings of all structures, of which each has a sentence of its own.
     two = pd.concat([table, table.assign(group="mast")])
     headline = f"{2 * len(above)} of {2 * len(judged)} recordings lie above the limit"
-    page = build_index({}, template_folder(), damage=two)
+    page = build_index({}, damage=two)
     assert f'<a href="#damage-index">{headline} of the damage index</a>' in page
 
 
@@ -94,9 +93,7 @@ def test_the_page_says_that_a_mode_goes_with_the_amplitude_of_an_input():
     (first, other) = compared.dependences  # the mean is the same everywhere
     assert first.p_value < 1e-4 < 0.01 < other.p_value
     assert first.change_hz == pytest.approx(0.35, abs=3.0 * first.standard_error_hz)
-    page = build_index(
-        {}, template_folder(), followed=compared.followed, dependences=compared.dependences
-    )
+    page = build_index({}, followed=compared.followed, dependences=compared.dependences)
     assert "Dependence on the standard deviation of force: from 1 to 8 the mode at 4" in page
     assert page.count("significant at") == 1
     # Too few recordings beside a condition; and what goes with the condition is told by it.

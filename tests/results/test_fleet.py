@@ -27,7 +27,6 @@ from evopem.results.layout import OVERVIEW, DatasetFiles
 from evopem.terminal.command import main
 from evopem.validation.checks import Check
 
-TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
 SENTENCE = "x.csv, line 51: is not a number; correct it."
 
 
@@ -53,7 +52,7 @@ def required(*datasets):
 
 def unfinished(*datasets, pending=()):
     """List data sets as after a run that failed; the rows of the table by name."""
-    collect_unfinished(required(*datasets), TEMPLATES, "report.html", pending)
+    collect_unfinished(required(*datasets), "report.html", pending)
     return rows()
 
 

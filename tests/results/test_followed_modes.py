@@ -6,10 +6,7 @@ from scipy.special import ndtri
 
 from evopem.models.modes import Mode
 from evopem.report.index_page import build_index, followed_charts, movements
-from evopem.report.templates import template_folder
 from evopem.results.followed_modes import follow_modes, followed_table, group_of
-
-TEMPLATES = template_folder()
 
 
 def mode(frequency, error=0.01, shape=(1.0,)):
@@ -118,7 +115,7 @@ def test_a_slow_trend_is_told_and_not_taken_for_scatter():
     (sentence,) = movements(followed)
     assert sentence.startswith("The mode at 11.75 Hz follows a trend: −4.29")
     assert not followed.constant
-    html = build_index({}, TEMPLATES, followed=[followed])
+    html = build_index({}, followed=[followed])
     assert "follows a trend" in html
     assert "No mode moved" not in html
 
@@ -138,11 +135,11 @@ def test_no_mode_moved_is_said_where_a_constant_holds_alone():
     noise = ndtri((np.random.default_rng(3).permutation(20) + 0.5) / 20)
     (steady,) = follow_modes(sequence(12.0 + 0.01 * noise, 0.01))
     assert steady.constant
-    assert "No mode moved by more than its error" in build_index({}, TEMPLATES, followed=[steady])
+    assert "No mode moved by more than its error" in build_index({}, followed=[steady])
     (restless,) = follow_modes(sequence(12.0 + 0.05 * noise, 0.01))
     assert not restless.constant
     assert movements(restless) == []
-    html = build_index({}, TEMPLATES, followed=[restless])
+    html = build_index({}, followed=[restless])
     assert "No mode moved" not in html
     assert "more than its standard error of 0.083" in html
 

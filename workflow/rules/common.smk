@@ -268,9 +268,7 @@ def collect_unfinished():
         return
     left = left_of(workflow.dag.needrun_jobs())
     required = {name: provider.results(name) for name in provider.config.datasets}
-    list_unfinished(
-        required, TEMPLATE_FOLDER, provider.page, left, provider.config.following
-    )
+    list_unfinished(required, provider.page, left, provider.config.following)
     # Older than all results and without Snakemake's record of their inputs, they are made again
     # even if the contents of these inputs stay the same. (Snakemake ignores a time of 0, and its
     # report packs nothing from before 1980.)

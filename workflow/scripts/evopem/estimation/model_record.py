@@ -368,7 +368,7 @@ def load_model(path: str | Path) -> Model:
 
 def read_model(path: Path) -> ModelRecord | PolynomialModel:
     """Read a file as :func:`load_model` does, with all that it holds."""
-    check_result(path, "summary.json")
+    check_result(path)
     try:
         return load_record(path)
     except InputError as error:

@@ -76,15 +76,14 @@ def unfinished_jobs(logs: str | Path, summary: str = "") -> list[UnfinishedJob]:
     return sorted(records, key=lambda record: _written(record, logs), reverse=True)
 
 
-def check_result(path: str | Path, summary: str) -> None:
+def check_result(path: str | Path) -> None:
     """Refuse a result that was changed after its job wrote it, or whose job has not ended.
 
-    A file that no job wrote passes, and a link to a result is that result.  ``summary``: as of
-    :func:`unfinished_jobs`.
+    A file that no job wrote passes, and a link to a result is that result.
     """
     for file in dict.fromkeys([Path(path), Path(os.path.realpath(path))]):
         verify_checksums([file], file.parent)
-        for job in unfinished_jobs(file.parent / "logs", summary):
+        for job in unfinished_jobs(file.parent / "logs", "summary.json"):
             if file.name in job.outputs:
                 problem = f"is of an unfinished run ({job.sentence})"
                 raise InputError(str(file), problem, "run it again")

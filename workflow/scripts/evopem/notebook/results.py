@@ -324,9 +324,7 @@ class ModelComparison(_Reported, Comparison):
     """Damping over frequency with 95 % intervals; open where a mode is not to be trusted."""
 
     def _page(self) -> str:
-        from evopem.report.templates import template_folder
-
-        return build_comparison(self, template_folder())
+        return build_comparison(self)
 
 
 for _name, _chart_of in CHARTS.items():

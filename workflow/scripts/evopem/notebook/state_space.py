@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from functools import wraps
-from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.strict_yaml import Keys
@@ -60,13 +60,11 @@ class ResponseResults(EstimateResults, ResponseFit):
         folder = TemporaryDirectory(prefix="evopem-", ignore_cleanup_errors=True)
         file = Path(folder.name) / "data.npz"
         columns: dict[str, NDArray] = {"frequency": given.frequencies}
-        for (k, output), (j, source) in product(
-            enumerate(given.output_names), enumerate(given.input_names)
-        ):
-            columns[f"{output}/{source}"] = given.values[:, k, j]
+        for k, j in np.ndindex(given.values.shape[1:]):
+            name = f"{given.output_names[k]}/{given.input_names[j]}"
+            columns[name] = given.values[:, k, j]
             if given.variances is not None:
-                known = self.variance_factor * given.variances[:, k, j]
-                columns[f"{output}/{source} variance"] = known
+                columns[f"{name} variance"] = self.variance_factor * given.variances[:, k, j]
         save_arrays(file, columns)
         keys: Keys = {
             "file": file.name,

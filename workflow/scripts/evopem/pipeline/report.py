@@ -61,21 +61,14 @@ def write_report(files: DatasetFiles) -> None:
     write_text(files.report, report_page(files, results, figures))
 
 
-def report_page(
-    files: DatasetFiles,
-    results: DatasetResults,
-    figures: Mapping[str, str],
-    templates: Path | None = None,
-) -> str:
+def report_page(files: DatasetFiles, results: DatasetResults, figures: Mapping[str, str]) -> str:
     """The report of results and figures that are at hand."""
-    templates = templates or template_folder()
     return build_report(
         results,
         figures,
         read_wall_clock(Path(files.folder) / "benchmarks"),
         Path(files.config).read_text(encoding="utf-8"),
-        templates,
-        commit_of(templates.parent),
+        commit_of(template_folder().parent),
     )
 
 
@@ -102,7 +95,7 @@ def compare_datasets(folders: Sequence[str], page: str, setups: bool = False) ->
         for label, files in zip(comparison.labels, datasets, strict=True)
         if Path(files.report).is_file()
     }
-    write_page(page, build_comparison(comparison, template_folder(), reports))
+    write_page(page, build_comparison(comparison, reports))
     return comparison
 
 
@@ -118,7 +111,7 @@ def collect_fleet(
     ``setups``: structures whose set-ups have a page of their own.
     """
     entries = {name: read_entry(DatasetFiles(f"{files.folder}/{name}")) for name in names}
-    index = partial(build_index, entries, template_folder(), page, setups=setups)
+    index = partial(build_index, entries, page, setups=setups)
     _write_lists(files.folder, Compared(entries, following), index)
 
 
@@ -143,7 +136,7 @@ def merge_fleets(folders: Sequence[str], target: str) -> None:
         address = Path(os.path.relpath(path, Path(target).resolve())).as_posix()
         places[name] = quote(address), groups[folder]
     Path(target).mkdir(parents=True, exist_ok=True)
-    index = partial(build_index, entries, template_folder(), places=places)
+    index = partial(build_index, entries, places=places)
     _write_lists(target, Compared(entries, NOT_COMPARED), index)
 
 
@@ -175,7 +168,6 @@ def _write_lists(folder: str, compared: Compared, index: Callable[..., str]) -> 
 
 def collect_unfinished(
     required: Mapping[str, Collection[str]],
-    templates: Path,
     page: str,
     pending: Collection[str] = (),
     following: Following = NOT_COMPARED,
@@ -190,7 +182,7 @@ def collect_unfinished(
         for name, files in required.items()
     }
     compared = Compared(entries, following)
-    index = partial(build_index, entries, templates, page)
+    index = partial(build_index, entries, page)
     for path in lists_of(following):
         try:
             _write_list(path, compared, index)

@@ -1,7 +1,6 @@
 """Several models side by side, as a page and in plain text."""
 
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
@@ -142,12 +141,10 @@ def _drawn(comparison: Comparison) -> list[Markup]:
     return [Markup(drawing.drawn(shape, f"Mode {k}")) for k, shape in enumerate(shapes, 1)]
 
 
-def build_comparison(
-    comparison: Comparison, template_directory: Path, pages: Mapping[str, str] | None = None
-) -> str:
+def build_comparison(comparison: Comparison, pages: Mapping[str, str] | None = None) -> str:
     """One HTML page that loads no other file; `pages` are addresses of reports by label."""
     from evopem.report.figures import drawn_figure
-    from evopem.report.templates import environment
+    from evopem.report.templates import environment, template_folder
 
     outcomes = [{check.name: check.word for check in model.checks} for model in comparison.models]
     names = dict.fromkeys(name for outcome in outcomes for name in outcome)
@@ -157,7 +154,7 @@ def build_comparison(
         label=comparison.labels,
         of_responses=[model.of_responses for model in comparison.models],
     )
-    page = environment(template_directory).get_template("comparison.html.j2")
+    page = environment(template_folder()).get_template("comparison.html.j2")
     return page.render(
         rows=table.to_dict("records"),
         remark=_remark(comparison),

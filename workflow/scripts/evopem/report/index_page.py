@@ -15,7 +15,7 @@ from evopem.config.conditions import Following
 from evopem.models.parameter_covariance import NORMAL_95
 from evopem.report.comparison import dependence_sentences
 from evopem.report.numbers import THIN, count, enumeration, number, plural
-from evopem.report.templates import Context, environment
+from evopem.report.templates import Context, environment, template_folder
 from evopem.results.comparison import Dependence
 from evopem.results.fleet import DatasetSummary, Entry
 from evopem.results.followed_modes import FollowedMode, group_of
@@ -34,7 +34,6 @@ FEWEST = 3
 
 def build_index(
     entries: Mapping[str, Entry],
-    template_directory: Path,
     page: str = "report.html",
     followed: Sequence[FollowedMode] = (),
     following: Following = NOT_COMPARED,
@@ -52,7 +51,7 @@ def build_index(
     checks that could not be judged, then by decreasing simulation error."""
     places = places or _places(entries)
     groups = Counter(group for _, group in places.values())
-    page_of = environment(template_directory).get_template("index.html.j2")
+    page_of = environment(template_folder()).get_template("index.html.j2")
     return page_of.render(
         rows=[
             _row(*item, page, *places[item[0]])

@@ -9,7 +9,7 @@ import pandas as pd
 
 from evopem.report.figures import drawn_figures
 from evopem.report.page_sections import PHASE_NAMES, SECTIONS
-from evopem.report.templates import Context, environment
+from evopem.report.templates import Context, environment, template_folder
 from evopem.results.dataset import DatasetResults
 from evopem.results.layout import IDENTIFICATION
 
@@ -42,11 +42,10 @@ def build_report(
     drawings: Mapping[str, str],
     wall_clock: Mapping[str, float],
     config_text: str,
-    template_directory: Path,
     commit: str = "unknown",
 ) -> str:
     """One HTML page that loads no other file; `drawings`: SVG texts by name; times in seconds."""
-    templates = environment(template_directory)
+    templates = environment(template_folder())
     page, captions = map(templates.get_template, ("report.html.j2", "captions.html.j2"))
     return page.render(
         results=results,
