@@ -153,7 +153,11 @@ def test_an_optimum_that_rounding_spoils_is_left_for_the_compared_model(candidat
     np.testing.assert_allclose(found.model.B[0], compared.B[0], rtol=1e-2)
 
 
-def test_a_pole_that_rounding_puts_beyond_the_bound_moves_the_bound_in(candidate, monkeypatch):
+@pytest.mark.parametrize(("spoiled", "given"), [(2, 1e-7), (9, 0.01)])
+def test_a_pole_that_rounding_puts_beyond_the_bound_moves_the_bound_in(
+    candidate, monkeypatch, spoiled, given
+):
+    """It stays above 0.5: with it a model is returned, and checks say that it is unstable."""
     recording, _, scorer, choice = candidate
     refit, bounds = chosen_model.refitted_estimate, []
 
@@ -161,13 +165,14 @@ def test_a_pole_that_rounding_puts_beyond_the_bound_moves_the_bound_in(candidate
         bounds.append(settings.max_root_radius)
         estimate = refit(model, data, settings)
         outside = replace(estimate.model, F=(np.poly([1.0 + 1e-8, 0.5]),))
-        return replace(estimate, model=outside) if len(bounds) < 3 else estimate
+        return replace(estimate, model=outside) if len(bounds) <= spoiled else estimate
 
     monkeypatch.setattr(chosen_model, "refitted_estimate", rounded)
-    search = SearchSettings(evaluations=0, max_root_radius=1.0 - 1e-7)
+    search = SearchSettings(evaluations=0, max_root_radius=1.0 - given)
     found = chosen_model.estimate_candidate(choice.candidate, recording, scorer, search)
-    np.testing.assert_allclose(1.0 - np.array(bounds), [1e-7, 1e-6, 1e-5], rtol=1e-6)
-    assert np.abs(found.model.poles()).max() < 1.0
+    expected = [1e-7, 1e-6, 1e-5] if spoiled == 2 else [0.01, 0.1]
+    np.testing.assert_allclose(1.0 - np.array(bounds), expected, rtol=1e-6)
+    assert (np.abs(found.model.poles()).max() < 1.0) == (spoiled == 2)
 
 
 def test_an_undamped_pole_gains_nothing_by_the_state_it_begins_with():

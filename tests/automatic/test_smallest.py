@@ -319,7 +319,7 @@ def test_what_a_linear_model_misses_calls_for_a_regularised_response(gain, follo
 
 
 @pytest.mark.parametrize(("prediction", "is_left"), [(1.4, False), (1.6, True)])
-def test_a_noise_model_that_makes_held_out_errors_several_times_larger_is_refuted(
+def test_a_noise_model_that_makes_held_out_errors_half_as_large_again_is_refuted(
     monkeypatch, prediction, is_left
 ):
     """It has the lowest simulation errors and BIC; its errors one step ahead are larger."""

@@ -36,6 +36,7 @@ def test_json_has_lists_of_numbers_on_one_line(tmp_path):
     write_json(tmp_path / "x.json", content)
     text = (tmp_path / "x.json").read_text(encoding="utf-8")
     assert json.loads(text) == content
+    assert text.startswith('{\n  "ä": [\n')
     assert "\n    [0.1, null],\n    [1e-300, 2]\n  ],\n" in text
 
 

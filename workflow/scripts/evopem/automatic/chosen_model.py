@@ -154,7 +154,7 @@ def _polynomials(
         if search.evaluations and orders.structure not in REGULARISED:
             estimate = _searched(estimate, estimation, orders, search, log)
         bound = search.max_root_radius
-        if bound < 1.0 <= np.abs(estimate.model.poles()).max(initial=0.0):
+        if 0.95 < bound < 1.0 <= np.abs(estimate.model.poles()).max(initial=0.0):
             # Coefficients of many poles near 1 are rounded to those of a pole beyond the bound.
             inside = replace(search, max_root_radius=1.0 - 10.0 * (1.0 - bound))
             return _polynomials(candidate, estimation, scorer, inside, fit, log)

@@ -193,7 +193,7 @@ def _level_of(candidates: Sequence[Candidate]) -> tuple[Level, Decision]:
 
 
 def _with_valid_noise(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """The models whose noise model does not make errors on held-out samples several times larger.
+    """The models whose noise model does not make errors on held-out samples half as large again.
 
     Many coefficients, with roots of C at the bound, fit the noise of a short record alone.
     """

@@ -85,7 +85,7 @@ def _indented(content: Any, margin: str = "\n") -> str:
     """JSON with a list of numbers and texts on one line, which takes json a tenth of the time."""
     deeper, nested = margin + "  ", (Mapping, list, tuple)
     if isinstance(content, Mapping) and content:
-        items = (f"{json.dumps(key)}: {_indented(content[key], deeper)}" for key in content)
+        items = (f"{_indented(key)}: {_indented(content[key], deeper)}" for key in content)
         return f"{{{deeper}{f',{deeper}'.join(items)}{margin}}}"
     if isinstance(content, list | tuple) and any(isinstance(item, nested) for item in content):
         items = (_indented(item, deeper) for item in content)
