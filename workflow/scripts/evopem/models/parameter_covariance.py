@@ -16,8 +16,8 @@ from evopem.arrays import Array, Flags, Indices
 NORMAL_95 = 1.959963984540054
 """Factor of a standard error for a 95 % interval."""
 # A gradient depends on an unidentifiable direction where the terms of their scalar product cancel
-# to no less than this share of their sum of magnitudes: rounding, 2e-16, turns the basis of what
-# singular values below 1e-10 are taken for towards the next directions, by 2e-6 for each of tens.
+# to no less than this share of their sum of magnitudes.  Directions of singular values below 1e-10
+# are taken for unidentifiable; rounding, 2e-16, turns each by 2e-6 towards any of tens of others.
 CANCELLATION = 1e-4
 # Steps in the imaginary direction have no cancellation.
 COMPLEX_STEP = 1e-30
