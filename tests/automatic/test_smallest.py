@@ -18,6 +18,7 @@ from evopem.automatic.fold_errors import (
     may_be_chance,
     never_behind,
     regularised_unless_worse,
+    score_of,
     simplest,
     standard_error,
 )
@@ -25,6 +26,7 @@ from evopem.automatic.revisions import _is_allowed
 from evopem.automatic.structures import (
     Choice,
     _by_likelihood,
+    _despite_simulations,
     _for_simulation,
     _misses_response,
     _smallest_as_good,
@@ -223,6 +225,25 @@ def test_a_valid_model_simulates_worse_by_no_more_than_chance(effect, is_taken):
     scorer = scorer_of((likeliest, best), failed=likeliest)
     choice = _by_likelihood(scorer, (likeliest, best), "simulation", best)
     assert (choice is not None and choice[0] is likeliest) == is_taken
+
+
+@pytest.mark.parametrize("objective", ["absolute", "quadratic"])  # heavy tails, feedback
+def test_no_likelihood_decides_for_simulation_where_the_likeliest_has_a_root_at_the_bound(
+    monkeypatch, objective
+):
+    likeliest, best = candidate(12, (0.2,) * 5), candidate(8, evidence=40.0)
+    feedback = SimpleNamespace(share=1.0, p_value=1e-6)
+    monkeypatch.setattr(structures, "_passes_through_plant", lambda _: True)
+    monkeypatch.setattr(structures, "heaviness", lambda *_: 1.0)
+    monkeypatch.setattr(structures, "feedback_test", lambda *_: feedback)
+
+    def taken(*failed):
+        scorer, score = scorer_of((likeliest, best), of_all=failed), score_of("simulation")
+        scorer.settings = CommonSettings(objective=objective)
+        return _despite_simulations(scorer, (likeliest, best), score, score(best))
+
+    assert taken()[0] is likeliest
+    assert taken(INSIDE_BOUND) is None
 
 
 @pytest.mark.parametrize("check", [INDEPENDENT_OF_INPUT, INSIDE_BOUND])

@@ -112,7 +112,7 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     which the BIC gives no strong evidence, the smallest one whose checks hold; the BIC is that of
     one-step errors where these are white, else of simulation errors.  Prediction: the same with
     one-step errors on held-out samples.  Modes: the lowest BIC of models with poles.  Without an
-    input there is no simulation.
+    input there is no simulation, by which :func:`_with_valid_noise` else leaves models out.
 
     Raises NoModelError when no structure has a candidate.
     """
