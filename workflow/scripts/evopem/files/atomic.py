@@ -82,7 +82,7 @@ def write_json(path: str | Path, content: Mapping[str, Any] | Sequence[Any]) -> 
 
 
 def _indented(content: Any, margin: str = "\n") -> str:
-    """JSON with a list of numbers and texts on one line, which takes json a tenth of the time."""
+    """JSON with a list of numbers and texts on one line, as json does not indent it."""
     deeper, nested = margin + "  ", (Mapping, list, tuple)
     if isinstance(content, Mapping) and content:
         items = (f"{_indented(key)}: {_indented(content[key], deeper)}" for key in content)
