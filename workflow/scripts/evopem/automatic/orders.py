@@ -284,9 +284,9 @@ def changed(orders: Orders, place: int | None = None, **differences: int) -> Ord
 # Alternatives of each input that are recorded.
 RECORDED = 5
 # Shares of an input that past residuals explain, and of what is new in it that its reference has,
-# below which feedback does not explain a response to the same sample.  Of 330 recordings under
+# below which feedback hardly explains a response to the same sample.  Of 330 recordings under
 # proportional feedback to other references, 28 are found to be fed back and would have delay 0:
-# none is below both.
+# none is below both.  Of 657 that are found under feedback of gains to 6, 25 are.
 WEAK, OF_REFERENCE = 0.05, 0.01
 
 
