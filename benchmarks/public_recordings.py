@@ -35,7 +35,7 @@ SETS: dict[str, tuple[Callable[[Path], Iterator[Record]], str, str]] = {
     "second": (second, ", second set", "All have served to make rules since 2026-11-26"),
     "reserved": (reserved, ", reserved", "All have served to make rules since 2026-11-27"),
     "third": (third, ", third set", "All have served to make rules since 2026-11-27"),
-    "fourth": (fourth, ", fourth set", "Nothing was run on any before the rules were complete"),
+    "fourth": (fourth, ", fourth set", "Nothing was run before rules were complete"),
 }
 
 
@@ -86,8 +86,8 @@ def main() -> None:
     sources = f"; sources are in `benchmarks/{read.__module__}.py`. "
     text = (
         f"Geometric mean of the errors, capped at 100 %: {means[0]:.2f} times those of the peer "
-        f"that chooses by itself, {means[1]:.2f} times the lowest of all peers, which is known "
-        f"afterwards only. Failed checks that are defects: {np.mean(failed):.1f} a recording. "
+        f"that chooses by itself, {means[1]:.2f} times the lowest of all peers, known "
+        f"afterwards. Failed checks that are defects: {np.mean(failed):.1f} a recording. "
         f"{note}{sources * (read is not seen)}"
     )
     print(text)
