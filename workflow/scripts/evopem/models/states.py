@@ -11,7 +11,7 @@ from evopem.arrays import Array
 # Singular values of the response to an initial state below this share of the largest one say
 # nothing about the state, unless errors need them.
 STATE_RANK = 1e-11
-TINY = float(np.finfo(float).tiny)
+TINY, EPSILON = float(np.finfo(float).tiny), float(np.finfo(float).eps)
 # Share of the largest response to a state below which it has decayed.
 DECAYED = 1e-20
 # Weight of samples that count where others say nothing.
@@ -88,7 +88,7 @@ def _least_squares(columns: Array, goal: Array) -> Array:
     """Without the directions that are hardly seen, unless the BIC prefers a fit with them."""
     coefficients, rank = _solved(columns, goal, STATE_RANK)
     if rank < columns.shape[1]:
-        finer, more = _solved(columns, goal, len(columns) * np.finfo(float).eps)
+        finer, more = _solved(columns, goal, min(len(columns) * EPSILON, STATE_RANK))
         left, less = (
             max(float(np.sum((goal - columns @ x) ** 2)), TINY) for x in (coefficients, finer)
         )
