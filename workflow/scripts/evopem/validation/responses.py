@@ -20,7 +20,7 @@ class HeldOut:
     """A stretch of validation samples, with the samples before it where these are known."""
 
     model: StateSpaceModel  # with the level of this stretch
-    plant: StateSpaceModel  # without poles of the noise alone
+    plant: StateSpaceModel  # without poles of the noise alone, with the level that was estimated
     recording: Recording  # the validation samples
     before: Recording | None  # what they continue
     state: Array  # of the predictor, at the first sample of all
@@ -65,6 +65,7 @@ class HeldOut:
     def simulated_from_rest(self, driven: Flags | bool = True) -> Array:
         """Response to all samples of the inputs that are known, or to some inputs, (N, l)."""
         plant = replace(self.plant, B=self.plant.B * driven, D=self.plant.D * driven)
+        plant = replace(plant, level=self.model.level)
         with np.errstate(over="ignore", invalid="ignore"):
             return plant.simulate(self.inputs)
 
@@ -140,9 +141,8 @@ def _stretches(
             with_level, state = form.with_fitted_level(known.inputs, known.outputs)
         else:
             with_level, state = form, form.prediction_state(known.inputs, known.outputs)
-        responses.append(
-            HeldOut(with_level, replace(plant, level=with_level.level), record, past, state)
-        )
+        estimated = replace(plant, level=form.level)
+        responses.append(HeldOut(with_level, estimated, record, past, state))
     return tuple(responses)
 
 
