@@ -1,7 +1,5 @@
 """Files are written completely or not at all, and exactly."""
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -29,15 +27,6 @@ def test_json_refuses_what_is_not_json(tmp_path):
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_json(tmp_path / "x.json", {"value": float("nan")})
     assert list(tmp_path.iterdir()) == []
-
-
-def test_json_has_lists_of_numbers_on_one_line(tmp_path):
-    content = {"ä": [[0.1, None], [1e-300, 2]], "none": {}, "some": [{"a": True}, []], "b": ["x"]}
-    write_json(tmp_path / "x.json", content)
-    text = (tmp_path / "x.json").read_text(encoding="utf-8")
-    assert json.loads(text) == content
-    assert text.startswith('{\n  "ä": [\n')
-    assert "\n    [0.1, null],\n    [1e-300, 2]\n  ],\n" in text
 
 
 @pytest.mark.parametrize("as_frame", [True, False])

@@ -78,19 +78,7 @@ def write_text(path: str | Path, text: str) -> None:
 
 def write_json(path: str | Path, content: Mapping[str, Any] | Sequence[Any]) -> None:
     """Write indented JSON. Floats are written exactly; one that is not finite is a ValueError."""
-    write_text(path, _indented(content) + "\n")
-
-
-def _indented(content: Any, margin: str = "\n") -> str:
-    """JSON with a list of numbers and texts on one line, as json does not indent it."""
-    deeper, nested = margin + "  ", (Mapping, list, tuple)
-    if isinstance(content, Mapping) and content:
-        items = (f"{_indented(key)}: {_indented(content[key], deeper)}" for key in content)
-        return f"{{{deeper}{f',{deeper}'.join(items)}{margin}}}"
-    if isinstance(content, list | tuple) and any(isinstance(item, nested) for item in content):
-        items = (_indented(item, deeper) for item in content)
-        return f"[{deeper}{f',{deeper}'.join(items)}{margin}]"
-    return json.dumps(content, ensure_ascii=False, allow_nan=False)
+    write_text(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def write_table(path: str | Path, table: Mapping[str, Iterable[Any]] | pd.DataFrame) -> None:
