@@ -53,7 +53,7 @@ def test_derivatives_are_those_of_central_differences(hold):
     searched = problem(hold)
     fit = searched.projection(searched.start)
     along = searched.jacobian(searched.start, fit)
-    gradient = -2.0 * along.T @ fit.errors
+    gradient = 2.0 * along.T @ fit.errors
     for place in range(len(searched.start)):
         move = np.zeros(len(searched.start))
         move[place] = 1e-5

@@ -52,7 +52,8 @@ class Fit(NamedTuple):
     """Errors of a point, with what their derivatives need."""
 
     columns: Array  # (N, c) what enters the output linearly
-    rows: Array  # (N, c) weighted
+    weights: Array  # (N,)
+    rows: Array  # (N, c) weighted columns
     factor: Array  # (c, r) of the pseudo-inverse of rows' rows
     coefficients: Array  # (c,)
     errors: Array  # (N,)
@@ -65,10 +66,11 @@ class Fit(NamedTuple):
         for _ in range(2):
             coefficients = coefficients + factor @ (factor.T @ (rows.T @ (errors * weights)))
             errors = y - columns @ coefficients
-        return cls(columns, rows, factor, coefficients, errors)
+        return cls(columns, weights, rows, factor, coefficients, errors)
 
     def across(self, directions: Array) -> Array:
-        """What of directions, (N, k), is not along the rows."""
+        """What of weighted directions, (N, k), is not along the rows."""
+        directions = (directions.T * self.weights).T
         along = self.factor @ (self.factor.T @ (self.rows.T @ directions))
         return np.asarray(directions - self.rows @ along)
 
@@ -139,7 +141,7 @@ class ContinuousProblem:
         return Fit.of(np.hstack(columns) * self._known[:, None], y, self._known)
 
     def jacobian(self, point: Array, fit: Fit) -> Array:
-        """Derivatives of the output by the entries of a point, its coefficients held, (N, k)."""
+        """Derivatives of the errors by the entries of a point, its coefficients held, (N, k)."""
         A, n, left = self._companion(point), self.n, fit.coefficients
         by_coefficient, by_delay = np.zeros((self.data.samples, n)), []
         sources: list[tuple[int, int, int | None]]
@@ -151,14 +153,14 @@ class ContinuousProblem:
             both = scipy.linalg.block_diag(A, A)
             both[n, n - count : n] = numerator
             states = self._states(both, place, delays[place], segment)
-            by_coefficient -= states[:, n:]
+            by_coefficient += states[:, n:]
             if segment is None and self.paths[place].has_free_delay:
                 u = self.data.inputs[:, place]
                 held = [_later(u[rows], int(delays[place]) + 1) for rows in self._rows]
                 slope = states[:, :n] @ (both[n, :n] @ A) + both[n, 0] * np.concatenate(held)
-                by_delay.append(-self._step * slope)
+                by_delay.append(self._step * slope)
         by_point = jacobian_of(lambda x: [self.denominator(x)], point)[:, :n]
-        return np.column_stack([by_coefficient @ by_point, *by_delay]) * self._known[:, None]
+        return np.column_stack([by_coefficient @ by_point, *by_delay])
 
     @cached_property
     def _rows(self) -> list[slice]:
@@ -229,14 +231,9 @@ class ContinuousProblem:
         return np.array([np.mean(self.projection(point).errors ** 2) for point in points])
 
     def descend(self, points: Array, steps: int = COARSE, tolerance: float = 1e-4) -> Descent:
-        """Descents that a generation refines, by Kaufman's (1975) derivatives."""
-
-        def slopes(point: Array) -> Array:
-            fit = self.projection(point)
-            return -fit.across(self.jacobian(point, fit))
-
-        given = slopes, self.repair(points), self.data.samples, steps, tolerance
-        return descents(lambda x: self.projection(x).errors, *given, bounds=self._limits)
+        """Descents that a generation refines."""
+        given = self.repair(points), self.data.samples, steps, tolerance
+        return descents(self.projection, self.jacobian, *given, bounds=self._limits)
 
     def polish(self, points: Array) -> Descent:
         """Descents to the last digits."""
@@ -263,7 +260,7 @@ class ContinuousProblem:
         values = np.r_[point, fit.coefficients[: sum(path.coefficients for path in self.paths)]]
         A, B, C, D, delays = (part.real.copy() for part in self.matrices(values.astype(complex)))
         delays[delays * self.data.sampling_rate < EDGE] = 0.0  # at the limit
-        jacobian = np.hstack([self.jacobian(point, fit), fit.columns])[known]
+        jacobian = np.hstack([self.jacobian(point, fit), -fit.columns])[known]
         covariance = coloured_covariance(
             *(jacobian, fit.errors[known], len(values), "quadratic", True, lengths)
         )
@@ -273,15 +270,27 @@ class ContinuousProblem:
 
 
 def descents(
-    errors: Callable[[Array], Array],
-    slopes: Callable[[Array], Array],
+    projection: Callable[[Array], Fit],
+    jacobian: Callable[[Array, Fit], Array],
     starts: Array,
     samples: int,
     steps: int,
     tolerance: float,
     **options: Any,
 ) -> Descent:
-    """Descents by SciPy's ``least_squares``, with mean squares of so many errors."""
+    """Descents by SciPy's ``least_squares`` and Kaufman's (1975) derivatives.
+
+    Values are mean squares of so many weighted errors.
+    """
+    last: list[Fit] = []  # slopes are asked for where the last errors were
+
+    def errors(point: Array) -> Array:
+        last[:] = [projection(point)]
+        return last[0].errors * last[0].weights
+
+    def slopes(point: Array) -> Array:
+        return last[0].across(jacobian(point, last[0]))
+
     options |= {"ftol": tolerance, "xtol": tolerance, "gtol": None, "max_nfev": steps}
     ends = [scipy.optimize.least_squares(errors, start, slopes, **options) for start in starts]
     values = np.array([2.0 * end.cost / samples for end in ends])

@@ -278,30 +278,17 @@ class VaryingProblem:
     def values(self, points: Array) -> Array:
         """Mean squares of the weighted errors, (M,)."""
         fits = map(self.projection, points)
-        return np.array([np.sum(self._weighed(fit.errors) ** 2) for fit in fits]) / self._count
+        return np.array([np.sum((fit.errors * fit.weights) ** 2) for fit in fits]) / self._count
 
     @cached_property
     def _count(self) -> int:
         """How many errors count."""
         return max(int(np.count_nonzero(self._weight)), 1)
 
-    def _weighed(self, values: Array) -> Array:
-        return np.asarray((values.T * self._weight).T)
-
     def descend(self, points: Array, steps: int = COARSE, tolerance: float = 1e-4) -> Descent:
-        """Descents that a generation refines, by Kaufman's (1975) derivatives."""
-        last: list[Fit] = []  # slopes are asked for where the last errors were
-
-        def errors(point: Array) -> Array:
-            last[:] = [self.projection(point)]
-            return self._weighed(last[0].errors)
-
-        def slopes(point: Array) -> Array:
-            (fit,) = last
-            return fit.across(self._weighed(self.jacobian(point, fit)))
-
+        """Descents that a generation refines."""
         given = self.repair(points), self._count, steps, tolerance
-        return descents(errors, slopes, *given, x_scale="jac")
+        return descents(self.projection, self.jacobian, *given, x_scale="jac")
 
     def polish(self, points: Array) -> Descent:
         """Descents to the last digits that count."""

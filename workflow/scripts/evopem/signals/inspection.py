@@ -11,11 +11,12 @@ from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
 from evopem.errors import InputError
 from evopem.signals.faulty_samples import MOST_MISSING
+from evopem.signals.least_squares import triangle_of
 from evopem.signals.measured_files import channel_names, read_channels
 from evopem.signals.readers.open_file import Channel, Reference
 from evopem.signals.time_units import names_time
 from evopem.signals.timestamps import has_even_steps, timing
-from evopem.signals.transforms import regression_triangle
+from evopem.signals.transforms import regression_rows
 
 MOST_INCREASE = 0.95
 """Larger share of the steps of a time that do not decrease."""
@@ -187,7 +188,7 @@ def causality_test(first: Array, second: Array) -> CausalityTest:
     rows = len(x) - most
     with one_blas_thread():
         pairs = (x, z), (z, x)
-        triangles = [regression_triangle(u[:, None], y, most) for u, y in pairs]
+        triangles = [triangle_of(regression_rows(u[:, None], y, most)) for u, y in pairs]
 
         def criterion(lags: int) -> float:
             left = [max(_remainders(triangle, lags, most)[1], 1e-300) for triangle in triangles]

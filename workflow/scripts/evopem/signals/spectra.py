@@ -273,14 +273,18 @@ def autocorrelation(signals: Array, lags: int) -> Array:
 
     As Ljung (1999, section 6.1) has it; InputError where a signal is constant.
     """
-    from scipy.fft import irfft, next_fast_len, rfft
-
-    centred = signals - signals.mean(axis=-1, keepdims=True)
-    length = next_fast_len(signals.shape[-1] + lags, real=True)
-    products = irfft(np.abs(rfft(centred, length)) ** 2, length)[..., : lags + 1]
+    products = _products(signals - signals.mean(axis=-1, keepdims=True), lags)
     if not products[..., 0].all():
         raise InputError("correlation", "a signal is constant", "give signals that vary")
     return np.asarray(products / products[..., :1])
+
+
+def _products(signals: Array, lags: int) -> Array:
+    """Sums of products of (..., N) signals with themselves at lags 0 … `lags`."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    length = next_fast_len(signals.shape[-1] + lags, real=True)
+    return np.asarray(irfft(np.abs(rfft(signals, length)) ** 2, length)[..., : lags + 1])
 
 
 def cross_correlation(first: Array, second: Array, lags: int) -> Array:
@@ -326,20 +330,16 @@ def goes_on(signal: Array, lag: int) -> bool:
 
 def overlapping_correlation(signal: Array) -> Array:
     """Correlation of what overlaps at each lag; 0 before it first falls below HAS_CHANGED."""
-    from scipy.fft import next_fast_len
-
     n = len(signal)
     longest = int(LONGEST_LAG * n)
     x = signal - signal.mean()
     if longest < 2 or not np.ptp(x) > 0.0:
         return np.zeros(1)
-    length = next_fast_len(2 * n, real=True)
-    spectrum = np.fft.rfft(x, length)
-    products = np.fft.irfft(np.abs(spectrum) ** 2, length)[: longest + 1]
     power = np.concatenate([[0.0], np.cumsum(x**2)])
     lags = np.arange(longest + 1)
     scale = np.sqrt(power[n - lags] * (power[n] - power[lags]))
-    correlation = np.divide(products, scale, out=np.zeros(longest + 1), where=scale > 0.0)
+    correlation = np.zeros(longest + 1)
+    np.divide(_products(x, longest), scale, out=correlation, where=scale > 0.0)
     changed = np.flatnonzero(np.abs(correlation) < HAS_CHANGED)
     correlation[: changed[0] if len(changed) else None] = 0.0
     return correlation

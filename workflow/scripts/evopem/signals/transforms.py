@@ -1,6 +1,7 @@
 """Resampling; the level of outputs; Box-Cox transform and differencing, with exact inverses."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 
@@ -9,6 +10,7 @@ import numpy as np
 from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
 from evopem.errors import InputError
+from evopem.signals.least_squares import triangle_of
 from evopem.signals.recording import Recording
 
 PASS_BAND = 0.9
@@ -198,32 +200,24 @@ def _level(u: Array, output: Array, starts: tuple[int, ...]) -> float:
     segments = zip(np.split(u, starts), np.split((output - mean) / deviation, starts), strict=True)
     # The bits must not depend on how many threads the machine's BLAS would take.
     with one_blas_thread():
-        triangle = np.empty((0, lags + u.shape[1] * (lags + 1) + 2))
-        for segment in segments:
-            triangle = regression_triangle(*segment, lags, triangle)
+        triangle = triangle_of(rows for part in segments for rows in regression_rows(*part, lags))
         return mean + deviation * _shift(triangle, lags, len(output) - lags * (1 + len(starts)))
 
 
-def regression_triangle(u: Array, y: Array, lags: int, before: Array | None = None) -> Array:
-    """R of the QR decomposition of past outputs, present and past inputs, 1 and the output.
-
-    ``before`` is that of other samples, to which these are added.
-    """
-    triangle = np.empty((0, lags + u.shape[1] * (lags + 1) + 2)) if before is None else before
+def regression_rows(u: Array, y: Array, lags: int) -> Iterator[Array]:
+    """Past outputs, present and past inputs, 1 and the output, in blocks of rows."""
     for first in range(lags, len(y), ROWS):
         stop = min(first + ROWS, len(y))
         columns = [y[first - k : stop - k] for k in range(1, lags + 1)]
         columns += [signal[first - k : stop - k] for signal in u.T for k in range(lags + 1)]
-        columns += [np.ones(stop - first), y[first:stop]]
-        rows = np.vstack([triangle, np.column_stack(columns)])
-        triangle = np.asarray(np.linalg.qr(rows, mode="r"))
-    return triangle
+        yield np.column_stack([*columns, np.ones(stop - first), y[first:stop]])
 
 
 def _shift(triangle: Array, lags: int, rows: int) -> float:
     """How much the level lies above the mean, in standard deviations; 0 where it is not known."""
     count = triangle.shape[1] - 2  # of the coefficients beside the constant
-    if len(triangle) < count + 2 or abs(triangle[count, count]) <= RANK_TOLERANCE * rows**0.5:
+    is_short = len(triangle) <= max(count + 1, 0)
+    if is_short or abs(triangle[count, count]) <= RANK_TOLERANCE * rows**0.5:
         return 0.0
     noise = abs(triangle[-1, -1]) / math.sqrt(rows - count - 1)
     if abs(triangle[count, -1]) <= NORMAL_99 * noise:

@@ -126,7 +126,7 @@ class _Stretch:
     @classmethod
     def of(cls, record: HeldOut) -> Self:
         """Of all samples but those that states are fitted to."""
-        model, u = replace(record.plant, level=record.model.level), record.inputs
+        model, u = record.plant, record.inputs
         first = unscored_samples(record.model, len(u))
         outputs = record.outputs
         residuals = outputs - record.predicted_from_start()

@@ -20,7 +20,8 @@ class HeldOut:
     """A stretch of validation samples, with the samples before it where these are known."""
 
     model: StateSpaceModel  # with the level of this stretch
-    plant: StateSpaceModel  # without poles of the noise alone, with the level that was estimated
+    plant: StateSpaceModel  # the same without poles of the noise alone
+    level: Array  # (l,), as it was estimated
     recording: Recording  # the validation samples
     before: Recording | None  # what they continue
     state: Array  # of the predictor, at the first sample of all
@@ -65,7 +66,6 @@ class HeldOut:
     def simulated_from_rest(self, driven: Flags | bool = True) -> Array:
         """Response to all samples of the inputs that are known, or to some inputs, (N, l)."""
         plant = replace(self.plant, B=self.plant.B * driven, D=self.plant.D * driven)
-        plant = replace(plant, level=self.model.level)
         with np.errstate(over="ignore", invalid="ignore"):
             return plant.simulate(self.inputs)
 
@@ -75,20 +75,22 @@ class HeldOut:
         It runs on from the samples before, or from the first samples where there are none.  With a
         fitted level a constant is fitted to the scored samples.
         """
-        if not self.model.inputs:
-            return np.full(self.recording.outputs.shape, np.nan)
-        known, u, y = max(self.first + self.unscored, 1), self.inputs, self.outputs
-        simulated = self.plant.simulate_from_fitted_state(u, y, fit_level, known=known)
+        known, y = max(self.first + self.unscored, 1), self.outputs
+        simulated = self._with_state(self.inputs, y, fit_level, known)
         if fit_level:
             simulated = simulated + np.mean((y - simulated)[known:], axis=0)
         return simulated[self.first :]
 
     def fitted(self, fit_level: bool) -> Array:
         """Response of the validation samples, (N, l), from the state that fits them best."""
+        return self._with_state(self.recording.inputs, self.recording.outputs, fit_level)
+
+    def _with_state(self, u: Array, y: Array, fit_level: bool, known: int | None = None) -> Array:
+        """Response from a state that the known samples of y fit; NaN without an input."""
         if not self.model.inputs:
-            return np.full(self.recording.outputs.shape, np.nan)
-        u, y = self.recording.inputs, self.recording.outputs
-        return self.plant.simulate_from_fitted_state(u, y, fit_level)
+            return np.full(y.shape, np.nan)
+        plant = replace(self.plant, level=self.level)
+        return plant.simulate_from_fitted_state(u, y, fit_level, known=known)
 
 
 def unscored_samples(model: StateSpaceModel, samples: int = 0) -> int:
@@ -141,8 +143,8 @@ def _stretches(
             with_level, state = form.with_fitted_level(known.inputs, known.outputs)
         else:
             with_level, state = form, form.prediction_state(known.inputs, known.outputs)
-        estimated = replace(plant, level=form.level)
-        responses.append(HeldOut(with_level, estimated, record, past, state))
+        of_plant = replace(plant, level=with_level.level)
+        responses.append(HeldOut(with_level, of_plant, form.level, record, past, state))
     return tuple(responses)
 
 

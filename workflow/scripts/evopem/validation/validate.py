@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from evopem.arrays import Array
-from evopem.config.settings import SpectrumSettings
+from evopem.config.settings import Objective, SpectrumSettings
 from evopem.models.mode_matching import OrderModel
 from evopem.models.polynomial import PolynomialModel, state_space_of
 from evopem.models.state_space import StateSpaceModel
@@ -97,7 +97,7 @@ def log_spaced_horizons(samples: int) -> tuple[int, ...]:
 def validate(
     model: Model,
     prepared: PreparedData,
-    objective: str = "quadratic",
+    objective: Objective = "quadratic",
     models: Sequence[OrderModel] = (),
     order: int = 0,
     spectrum: SpectrumSettings | None = None,
@@ -225,7 +225,7 @@ def _outputs(
     responses: Responses,
     recorded: Responses,
     tested: EstimationResiduals,
-    objective: str,
+    objective: Objective,
     spectrum: SpectrumSettings | None,
 ) -> tuple[tuple[OutputValidation, ...], list[ResidualCorrelation], tuple[int, ...]]:
     """What is said of each output, the correlations behind it, and the horizons."""
