@@ -59,6 +59,23 @@ def test_the_folds_of_one_input_always_fit_the_blow():
     assert not decide_folds((Segment(ordinary, answer),)).by_energy
 
 
+def test_a_pause_between_excited_parts_makes_no_single_blow():
+    u, y, _ = output_error_record(SAMPLES)
+    rest = slice(400, 600)
+    u[rest] = 0.0
+    y[rest] *= 0.01
+    assert response_parts(u[:, None], y[:, None], 5, SHORTEST_BLOCK) is not None
+    plan = decide_folds((Segment(u, y),))
+    assert (plan.designs, plan.by_energy) == (((2, 1), (5, 1), (2, 3)), False)
+
+
+def test_no_fold_is_fitted_to_a_rest_alone():
+    u, y, _ = output_error_record(SAMPLES)
+    u[450:] = 0.0
+    y[500:] *= 0.01
+    assert decide_folds((Segment(u, y),)).designs == ((5, 1), (2, 3))
+
+
 def test_several_channels_say_by_which_parts_they_are_scored():
     u, y = blow(40)
     about = decide_folds((Segment(u, np.hstack([y, -y])),)).decision

@@ -12,7 +12,13 @@ from evopem.automatic.cross_validation.simulation import (
     errors_with_both_levels,
     prediction_errors,
 )
-from evopem.automatic.cross_validation.stretches import REASON, Fold, folds_of, response_parts
+from evopem.automatic.cross_validation.stretches import (
+    LEAST_POWER,
+    REASON,
+    Fold,
+    folds_of,
+    response_parts,
+)
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import likeliest_arx
 from evopem.errors import NoModelError
@@ -226,15 +232,16 @@ def decide_folds(stretches: Sequence[Segment], delay: int = 0) -> FoldPlan:
         d: _overlap(folds_of(stretches, *d, shortest=1))
         for d in dict.fromkeys([*designs, *possible(designs)])
     }
-    of_response = [d for d in OF_RESPONSE if _response_edges(stretches, d[0]) is not None]
-    kept = of_response or [d for d in possible(designs) if overlaps[d] >= LEAST_OVERLAP]
+    kept = [d for d in possible(designs) if overlaps[d] >= LEAST_OVERLAP]
+    parts = () if kept else OF_RESPONSE
+    of_response = [d for d in parts if _response_edges(stretches, d[0]) is not None]
     sentence = "The parts of the record have common input spectra, so the folds are comparable."
     sentence += OF_TIME * (channels != (1, 1))
     back = late + delay - max(ARX_ORDERS)
     sentence += f" The output still depends on the input {back} samples before." * (late > 0)
-    if of_response or not kept:
+    if not kept:
         sentence = REASON if of_response else MOVING
-    kept = kept or possible(INTERLEAVED)
+    kept = kept or of_response or possible(INTERLEAVED)
     about = Decision(
         *("folds", " and ".join(map(_name, kept))),
         tuple(Alternative(_name(d), 1.0 - overlaps[d]) for d in overlaps),
@@ -326,11 +333,25 @@ def _errors_on(model: Model, before: Segment, stretch: Segment, absolute: bool) 
 
 
 def _overlap(folds: Sequence[Fold]) -> float:
-    """Smallest share of a held-out input spectrum that the training part has as well."""
+    """Smallest share of a held-out input spectrum that the training part has as well.
+
+    None of it where an input of the training part nearly rests, as all do but for a single blow.
+    """
     return min(
         float(np.minimum(_spectrum(fold.held_out), _spectrum(fold.training)).sum())
+        * (not _rests(fold))
         for fold in folds
     )
+
+
+def _rests(fold: Fold) -> bool:
+    """Whether the training part has hardly any power of an input that the held-out part has."""
+    if not fold.training:
+        return False
+    parts = [np.concatenate([s.inputs for s in part]) for part in (fold.training, fold.held_out)]
+    mean = np.concatenate(parts).mean(axis=0)
+    of_training, of_held_out = (((u - mean) ** 2).mean(axis=0) for u in parts)
+    return bool((of_training < LEAST_POWER * of_held_out).any())
 
 
 def _spectrum(stretches: Sequence[Segment]) -> Array:
