@@ -21,7 +21,7 @@ import numpy as np
 from automatic_zoo import PEERS, automatic
 from evidence import write_section
 from recordings_of_others import Record, reserved, second, seen, third
-from recordings_of_others_later import fourth
+from recordings_of_others_later import fifth, fourth
 
 import evopem
 from evopem.automatic.cross_validation.simulation import simulated_on
@@ -36,6 +36,7 @@ SETS: dict[str, tuple[Callable[[Path], Iterator[Record]], str, str]] = {
     "reserved": (reserved, ", reserved", "All have served to make rules since 2026-11-27"),
     "third": (third, ", third set", "All have served to make rules since 2026-11-27"),
     "fourth": (fourth, ", fourth set", "Nothing was run before rules were complete"),
+    "fifth": (fifth, ", fifth set", "Nothing was run before rules were complete"),
 }
 
 

@@ -1,4 +1,4 @@
-"""The fourth set of recordings of others for ``public_recordings.py``: sources, readers and split.
+"""The latest sets of recordings of others for ``public_recordings.py``: sources, readers, splits.
 
 The set ``fourth`` is for one measurement of the rules that followed the set ``third``: 14
 recordings, chosen by their plots and split before anything was run on any of them.  They come from
@@ -30,6 +30,53 @@ the rights stay with its owner) and file; a name after "as" is the one that the 
   University: cell LG HG2 at 40 degrees, current, voltage; up to its last pause);
 - fywu85/circles-sysid (MIT): ``data.csv`` of ``linear/fourth_order`` as
   ``data_fourth_order.csv`` (car: demanded and measured acceleration).
+
+The set ``fifth`` is for one measurement at the end: 18 recordings of other sources than those of
+the sets before, chosen by plots and documents and split before anything was run on any:
+
+- DanielMartensson/MataveID (MIT): ``MultivariableCylinders.csv`` (two hydraulic cylinders under
+  feedback: reference, position of the second), ``HangingLoad.csv`` (load that hangs on a hydraulic
+  system under proportional control: control signal, position, which answers otherwise upwards than
+  downwards; every fifth sample);
+- Abhay3757/PSO-Optimized-Dual-Attention-LSTM-for-MR-Damper-Force-Prediction (none; the experiment
+  is NEES-2012-1158 by Dyke): ``ranran_50_converted.csv`` (magnetorheological damper whose voltage,
+  which is not given, is random, too: velocity, force, every tenth sample);
+- KIT-HYD/model-evaluation (MIT): ``p_ebni.csv``, ``q_host.csv`` of ``strace/data`` (mountain river
+  by the hour: rain, discharge; hours 47000 to 50500 and 55500 to 57500);
+- tylim2946/BCIT (Apache): ``temps.mat`` (house of straw bales: temperatures outdoors and indoors,
+  every fourth sample, both halves);
+- chrystalchern/mdof (BSD; the records are the California Geological Survey's):
+  ``ferndaleoffshore_08dec2016_us20007z6r_ce89324p.zip``, ``nc73351710_ce89324p.zip`` (overpass at
+  Painter Street in Rio Dell, whose modes are published, in two earthquakes: accelerations across
+  of the middle column at the ground and at its top, every second sample);
+- wattai/control-engineering-for-inverted-pendulum (none): ``for_measure_input_white_noise.csv``
+  (wheel of a pendulum on wheels: white duty cycle, speed; from sample 100);
+- PDLdeLange/RiderID (none; the experiment is by Moore, University of California, Davis):
+  ``data.mat`` (person on a bicycle who is pushed seven times: lateral force, steering angle, every
+  fourth sample of what was recorded);
+- EmDash00/CPHS2017 (none; Yamagami et al. 2019): the files of ``analysis/CPHS_Upload/data/dp`` that
+  begin with ``20170901-095154`` and ``20170901-095244`` as ``tracking_p2a3.csv`` and
+  ``tracking_p3a3.csv`` (person who follows by hand: reference, hand, every third sample);
+- decargroup/system_norm_koopman (MIT): ``faster.csv`` (beam of a rig for fatigue tests under
+  feedback, Fortune et al. 2019: control signal, force, every fourth sample);
+- marcocognetti/FrankaEmikaPandaDynModel (GPL-3): ``exciting_traj_torques.txt``,
+  ``exciting_traj_velocity.txt`` (robot Panda under feedback, Gaz et al. 2019: torque and speed of
+  its first axis, every tenth sample);
+- ibpsa/modelica-ibpsa (BSD): ``PipeDataAIT151218.mos`` (district heating in Pongau by the quarter
+  of an hour: temperatures at two ends of pipes whose flow varies);
+- bryansgue/Identificacion_M100 (none): ``Identification.mat``, ``Validation.mat`` (quadrotor DJI
+  M100 with its autopilot: demanded and measured speed ahead and rate of yaw; steps, then sines);
+- MattiaDiMauro/Model-identification-and-state-estimation-for-a-multirotor-UAV (MIT): the files that
+  begin with ``log_2`` and ``log_3`` as ``log_2.mat`` and ``log_3.mat`` (quadrotor ANT-X on a test
+  bed under feedback: moment, rate of pitch, every second sample; a sweep, then doublets of six
+  times its amplitude);
+- jGomezSanz/TFG_finalCode (none): ``valLinea_MarshallMB15little.mat`` (guitar amplifier Marshall
+  MB15: what is played, what comes out; samples 350000 to 356000);
+- WDWidanage/PulseMultisineClass (MIT): ``Measured_PMS_50per_25degC.mat`` (lithium-ion battery at
+  half its charge, Widanage et al. 2016: current, voltage; one pulse-multisine sent five times);
+- ML-PSE/Machine_Learning_for_PSE (Apache; Fortuna et al. 2007): ``debutanizer_data.txt``
+  (debutanizer of a refinery: temperature of the sixth tray, content of butane, shifted by its
+  delay of 8 samples; the interval is not stated and counts as one second).
 """
 
 from __future__ import annotations
@@ -37,10 +84,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 from recordings_of_others import (
     CSV,
+    PLAIN,
     Record,
     columns_of,
     content_of,
@@ -97,5 +146,107 @@ def fourth(folder: Path) -> Iterator[Record]:
             ("heater of TCLab", lambda: table("tclab_data.csv", 1, 3, **CSV), 300, 200, 0.5),
             ("LG cell", cell, 1150, 750, 10.0),
             ("car", lambda: table("data_fourth_order.csv", 4, 3, **CSV), 700, 399, 20.0),
+        )
+    )
+
+
+def accelerations_of(file: Path, channel: int) -> np.ndarray:
+    """Corrected accelerations of a channel in a zipped record, written in fields of 10 characters.
+
+    A file that is missing raises FileNotFoundError.
+    """
+    with ZipFile(file) as record:
+        names = {name.lower(): name for name in record.namelist()}
+        lines = record.read(names[f"chan{channel:03}.v2"]).decode("latin1").splitlines()
+    start = next(k for k, line in enumerate(lines) if "of accel data" in line)
+    rows = lines[start + 1 : start + 1 + -(-int(lines[start].split()[0]) // 8)]
+    fields = [row[k : k + 10] for row in rows for k in range(0, len(row.rstrip()), 10)]
+    return np.array(fields, dtype=float)
+
+
+def fifth(folder: Path) -> Iterator[Record]:
+    """Recordings for one measurement at the end: 18, of one input and one output each."""
+    matlab, table = partial(signals_of, folder), partial(columns_of, folder)
+
+    def every(step: int, signals: list[np.ndarray]) -> list[np.ndarray]:
+        return [each[::step] for each in signals]
+
+    def river() -> list[np.ndarray]:
+        hours = np.r_[47_000:50_500, 55_500:57_500]
+        return [np.loadtxt(folder / name)[hours] for name in ("p_ebni.csv", "q_host.csv")]
+
+    def overpass() -> list[np.ndarray]:
+        shaken = (
+            ("ferndaleoffshore_08dec2016_us20007z6r_ce89324p.zip", slice(0, 7000, 2)),
+            ("nc73351710_ce89324p.zip", slice(1500, 6500, 2)),
+        )
+        return [
+            np.concatenate(
+                [accelerations_of(folder / name, channel)[part] for name, part in shaken]
+            )
+            for channel in (3, 7)
+        ]
+
+    def cyclist() -> list[np.ndarray]:
+        recorded = content_of(folder / "data.mat", simplify_cells=True)["raw"]
+        return [recorded["w"], recorded["y"][:, 1]]
+
+    def person() -> list[np.ndarray]:
+        parts = [every(3, table(f"tracking_p{k}a3.csv", 2, 3, **PLAIN)) for k in (2, 3)]
+        return [np.concatenate(both) for both in zip(*parts, strict=True)]
+
+    def panda() -> list[np.ndarray]:
+        names = [f"exciting_traj_{signal}.txt" for signal in ("torques", "velocity")]
+        return [np.loadtxt(folder / name).reshape(-1, 7)[:, 0] for name in names]
+
+    def copter(speed: str) -> list[np.ndarray]:
+        parts = [
+            matlab(f"{name}.mat", f"{speed}_ref_{end}", f"{speed}_{end}")
+            for name, end in (("Identification", "iden"), ("Validation", "vali"))
+        ]
+        return [np.concatenate(both) for both in zip(*parts, strict=True)]
+
+    def flight(number: int, part: slice) -> list[np.ndarray]:
+        log = content_of(folder / f"log_{number}.mat", simplify_cells=True)
+        rate, moment = log["q"], log["M"]
+        known = np.interp(rate["timestamp"], moment["timestamp"], moment["value"])
+        return [known[part], rate["value"][part]]
+
+    def bed() -> list[np.ndarray]:
+        parts = flight(2, slice(9500, 16_300, 2)), flight(3, slice(8300, 14_700, 2))
+        return [np.concatenate(both) for both in zip(*parts, strict=True)]
+
+    def battery() -> list[np.ndarray]:
+        measured = content_of(folder / "Measured_PMS_50per_25degC.mat", simplify_cells=True)["data"]
+        return [measured["Current"], measured["Voltage"]]
+
+    def amplifier() -> list[np.ndarray]:
+        played = content_of(folder / "valLinea_MarshallMB15little.mat")["val"]
+        return list(played[350_000:356_000].T)
+
+    cylinders, load = ("MultivariableCylinders.csv", 2, 4), ("HangingLoad.csv", 3, 2)
+    damper, fatigue = ("ranran_50_converted.csv", 5, 6), ("faster.csv", 2, 3)
+    white, pipe = ("for_measure_input_white_noise.csv", 1, 2), ("PipeDataAIT151218.mos", 1, 2)
+    column, temperatures = ("debutanizer_data.txt", 4, 7), ("temps.mat", "ExtTemp", "IntTemp")
+    yield from first_samples_of(
+        (
+            ("cylinder", lambda: table(*cylinders, **PLAIN), 1500, 889, 10.0),
+            ("hanging load", lambda: every(5, table(*load, **PLAIN)), 2400, 812, 10.0),
+            ("random damper", lambda: every(10, table(*damper, **CSV)), 4200, 2100, 300.5),
+            ("mountain river", river, 3500, 2000, 1 / 3600),
+            ("house of straw", lambda: every(4, matlab(*temperatures)), 1343, 1343, 1 / 768),
+            ("overpass", overpass, 3500, 2500, 50.0),
+            ("pendulum wheel", lambda: table(*white, **PLAIN, skip_header=100), 1200, 705, 200.0),
+            ("pushed cyclist", lambda: every(4, cyclist()), 2000, 985, 50.0),
+            ("tracking person", person, 901, 901, 20.0),
+            ("fatigue rig", lambda: every(4, table(*fatigue, **CSV)), 3500, 1800, 32.2),
+            ("Panda", lambda: every(10, panda()), 1350, 704, 100.0),
+            ("heating pipe", lambda: table(*pipe, **PLAIN, skip_header=2), 450, 222, 1 / 900),
+            ("M100 ahead", lambda: copter("ul"), 1801, 1351, 30.0),
+            ("M100 in yaw", lambda: copter("w"), 1801, 1351, 30.0),
+            ("ANT-X", bed, 3400, 3200, 125.0),
+            ("guitar amplifier", amplifier, 4000, 2000, 44_100.0),
+            ("multisine battery", battery, 1800, 1200, 10.0),
+            ("debutanizer", lambda: table(*column, skip_header=5), 1600, 794, 1.0),
         )
     )
