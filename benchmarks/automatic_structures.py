@@ -17,6 +17,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from covariances import response_standard_errors
 from numpy.typing import NDArray
 from polynomial_selection import FREQUENCIES, NORMAL_95, truth_of
 from simulated_records import polynomial_record
@@ -27,7 +28,6 @@ from evopem import PolynomialModel, Results, StateSpaceModel
 from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, fit
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import covariance_of
-from evopem.models.response_tables import response_standard_errors
 from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]

@@ -23,6 +23,7 @@ from threadpoolctl import threadpool_limits
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "workflow" / "scripts"), str(ROOT / "tests")]
 
+from covariances import response_standard_errors  # noqa: E402
 from evidence import write_section  # noqa: E402
 from polynomial_structures import TRUTHS, named  # noqa: E402
 from simulated_records import polynomial_record  # noqa: E402
@@ -30,7 +31,6 @@ from simulated_records import polynomial_record  # noqa: E402
 from evopem import PolynomialModel, SearchSettings, estimate  # noqa: E402
 from evopem.config.settings import ScoringWindow  # noqa: E402
 from evopem.models.modes import Mode  # noqa: E402
-from evopem.models.response_tables import response_standard_errors  # noqa: E402
 
 Array = NDArray[np.float64]
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from covariances import covariance_of_matrix
 
-from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.response_tables import NORMAL_95, response_interval
 
@@ -21,7 +21,7 @@ def model(covariance):
         C=np.array([1.0, 0.4]),
         nk=2,
         sampling_rate=100.0,
-        covariance=None if covariance is None else ParameterCovariance.from_matrix(covariance),
+        covariance=None if covariance is None else covariance_of_matrix(covariance),
     )
 
 
@@ -33,7 +33,7 @@ def test_a_pure_gain_has_the_band_of_its_coefficient():
         np.array([1.0, 0.1]),
         nk=3,
         sampling_rate=100.0,
-        covariance=ParameterCovariance.from_matrix(covariance),
+        covariance=covariance_of_matrix(covariance),
     )
     lower, upper = gain_band(pure, FREQUENCIES)
     spread = np.exp(NORMAL_95 * 0.1 / 2.0)

@@ -5,6 +5,7 @@ import subprocess
 
 import numpy as np
 import pytest
+from covariances import covariance_of_matrix
 from scipy.io import loadmat
 
 import evopem
@@ -109,7 +110,7 @@ def test_a_polynomial_model_leaves_and_comes_back(tmp_path):
         sampling_rate=50.0,
         level=0.25,
         noise_variance=0.04,
-        covariance=ParameterCovariance.from_matrix(1e-4 * np.eye(6)),
+        covariance=covariance_of_matrix(1e-4 * np.eye(6)),
         structure="bj",
     )
     save_model_mat(model, tmp_path / "model.mat")

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from covariances import covariance_of_matrix
 
 from evopem.models.modes import modes_of
-from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.synthesis import true_model
 
 NUMBERS = ("frequency_hz", "damping_ratio")
@@ -34,7 +34,7 @@ def test_standard_errors_are_the_first_order_propagation():
     count = true.orders.parameters
     covariance = 1e-12 * (np.eye(count) + 0.3)
     root = np.linalg.cholesky(covariance)
-    known = replace(true, covariance=ParameterCovariance.from_matrix(covariance))
+    known = replace(true, covariance=covariance_of_matrix(covariance))
 
     def moved(step):
         return true.with_parameters(true.parameters + step).modes()

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from covariances import covariance_of_matrix
 from scipy.io import loadmat
 from scipy.signal import dlsim, lfilter
 
@@ -133,7 +134,7 @@ def test_exports_give_the_same_responses(tmp_path):
 
 
 def test_json_gives_the_model_back():
-    model = model_of("bj", covariance=ParameterCovariance.from_matrix(np.eye(17)))
+    model = model_of("bj", covariance=covariance_of_matrix(np.eye(17)))
     again = from_json(PolynomialModel, to_json(model))
     assert np.array_equal(again.parameters, model.parameters)
     assert again.orders == model.orders

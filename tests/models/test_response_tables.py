@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from covariances import covariance_of_matrix, response_standard_errors
 
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
@@ -11,7 +12,6 @@ from evopem.models.response_tables import (
     NORMAL_95,
     frequency_response_table,
     response_interval,
-    response_standard_errors,
     time_response_table,
 )
 from evopem.models.state_space import StateSpaceModel
@@ -50,7 +50,7 @@ def test_bands_hold_the_models_that_could_have_been_chosen():
         return PolynomialModel(A=one, B=(factor * one,), nk=(1,), sampling_rate=100.0)
 
     # Without errors of the coefficients: the band is the spread of ln 1.0 and ln 1.2 around ln 1.0.
-    model = replace(gain(1.0), covariance=ParameterCovariance.from_matrix(np.zeros((1, 1))))
+    model = replace(gain(1.0), covariance=covariance_of_matrix(np.zeros((1, 1))))
     rivals = (gain(1.0), gain(1.2))
     table = frequency_response_table(model, ("u",), ("y",), rivals=rivals)
     half = NORMAL_95 * np.log(1.2) / np.sqrt(2.0)
@@ -114,19 +114,29 @@ def of_two_inputs_and_outputs():
     return replace(model, covariance=ParameterCovariance(factor, np.zeros((entries, 0))))
 
 
-def test_bands_in_time_are_those_of_central_differences():
-    model = of_two_inputs_and_outputs()
-    table = time_response_table(model, ("u1", "u2"), ("y1", "y2"), model)
-    samples = len(table["time_s"]) // 4
+def of_polynomials():
+    covariance = covariance_of_matrix(1e-6 * np.diag(np.arange(1.0, 6.0)))
+    A, B, C = np.array([1.0, -1.2, 0.8]), np.array([0.5, 0.1]), np.array([1.0, 0.4])
+    return PolynomialModel(A, B, C, nk=3, sampling_rate=50.0, covariance=covariance)
+
+
+@pytest.mark.parametrize("made", [of_two_inputs_and_outputs, of_polynomials])
+def test_bands_in_time_are_those_of_central_differences(made):
+    model = made()
+    count = model.noise_response(0.0).shape[0]
+    names = (f"u{k}" for k in range(count)), (f"y{k}" for k in range(count))
+    table = time_response_table(model, *map(tuple, names), model)
+    samples = len(table["time_s"]) // count**2
     for name, response in (
         ("impulse", lambda some: some.impulse_response(samples)),
         ("step", lambda some: some.step_response(samples)),
         ("noise_impulse", lambda some: some.noise_impulse_response(samples)),
     ):
-        half = (table[f"{name}_upper"] - table[name]).reshape(2, 2, samples).transpose(2, 0, 1)
+        half = table[f"{name}_upper"] - table[name]
+        half = half.reshape(count, count, samples).transpose(2, 0, 1)
         expected = NORMAL_95 * response_standard_errors(model, response)
         if name == "noise_impulse":
-            expected = np.einsum("tii->ti", expected)[:, :, None] * np.ones(2)
+            expected = np.einsum("tii->ti", expected)[:, :, None] * np.ones(count)
         np.testing.assert_allclose(half, expected, rtol=1e-6, atol=1e-12)
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from covariances import covariance_of_matrix
 from scipy.signal import dlsim
 
 from evopem.files.json_form import from_json, to_json
@@ -285,7 +286,7 @@ def close_pair(gap):
         noise_covariance=np.eye(4),
     )
     variances = np.concatenate([np.full(16, 1e-3**2), np.full(16, 1e-2**2), np.zeros(20)])
-    return replace(model, covariance=ParameterCovariance.from_matrix(np.diag(variances)))
+    return replace(model, covariance=covariance_of_matrix(np.diag(variances)))
 
 
 def test_the_assurance_expected_of_a_shape_is_that_of_perturbed_models():

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from covariances import covariance_of_matrix
 
-from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_roots import ellipse_outline
 
@@ -15,7 +15,7 @@ DEVIATION = 1e-4
 
 
 def model(covariance):
-    known = None if covariance is None else ParameterCovariance.from_matrix(covariance)
+    known = None if covariance is None else covariance_of_matrix(covariance)
     return PolynomialModel(A, B, C, nk=1, sampling_rate=50.0, noise_variance=1.0, covariance=known)
 
 

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 from browsing import told
+from covariances import covariance_of_matrix
 from markupsafe import Markup
 
-from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.report import equations
 
@@ -18,7 +18,7 @@ MODEL = PolynomialModel(
     nk=3,
     sampling_rate=100.0,
     noise_variance=0.01,
-    covariance=ParameterCovariance.from_matrix(np.diag([0.1, 0.2, 0.3, 0.4, 0.5]) ** 2),
+    covariance=covariance_of_matrix(np.diag([0.1, 0.2, 0.3, 0.4, 0.5]) ** 2),
 )
 
 

@@ -8,9 +8,9 @@ import identified
 import numpy as np
 import pytest
 from browsing import TEMPLATES, renamed_channels, told
+from covariances import covariance_of_matrix
 
 from evopem.models.modes import Mode
-from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.report.numbers import THIN, count, number, percent
 from evopem.report.page_sections import (
@@ -213,7 +213,7 @@ def test_a_mode_that_outlasts_the_recording_gets_a_sentence(results):
 
 def with_coefficients(results, a, b, c, covariance=None):
     if covariance is not None:
-        covariance = ParameterCovariance.from_matrix(covariance)
+        covariance = covariance_of_matrix(covariance)
     model = PolynomialModel(
         np.array(a), np.array(b), np.array(c), nk=1, sampling_rate=100.0, covariance=covariance
     )

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from covariances import covariance_of_matrix
 from identified import with_model, without_covariance
 
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.search.certificate import POLYNOMIALS, STATE_SPACE
 from evopem.models.modes import Mode
 from evopem.models.orders import armax_orders
-from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_roots import root_covariance, root_gradient
 from evopem.signals.recording_info import ChannelInfo, RecordingInfo
@@ -65,7 +65,7 @@ class Given:
 def with_polynomials(record, a, b, c, covariance):
     """A model record of other polynomials, with all that follows from them."""
     if covariance is not None:
-        covariance = ParameterCovariance.from_matrix(covariance)
+        covariance = covariance_of_matrix(covariance)
     model = PolynomialModel(
         a, b, c, nk=1, sampling_rate=1.0, noise_variance=1.0, covariance=covariance
     )
@@ -269,7 +269,7 @@ def test_a_pole_of_several_inputs_cancels_where_each_has_a_zero_there():
             one,
             (near, second),
             nk=(1, 1),
-            covariance=ParameterCovariance.from_matrix(1e-4 * np.eye(5)),
+            covariance=covariance_of_matrix(1e-4 * np.eye(5)),
         )
         assert bool(cancelling_pairs(model, model.covariance)) is cancels
 
@@ -539,18 +539,19 @@ def test_root_gradient_against_finite_differences():
 def test_root_covariance_by_monte_carlo():
     rng = np.random.default_rng(2)
     a = np.real(np.poly(POLES))
-    covariance = 1e-6 * np.array([[2.0, 0.5], [0.5, 1.0]])
-    drawn = rng.multivariate_normal(a[1:], covariance, size=20_000)
+    matrix = 1e-6 * np.array([[2.0, 0.5], [0.5, 1.0]])
+    drawn = rng.multivariate_normal(a[1:], matrix, size=20_000)
     # The roots of z² + a1 z + a2 in closed form.
     roots = (-drawn[:, 0] + np.sqrt(drawn[:, 0] ** 2 - 4 * drawn[:, 1] + 0j)) / 2
     sampled = np.cov(roots.real, np.abs(roots.imag))
-    np.testing.assert_allclose(root_covariance(a, POLES[0], covariance), sampled, rtol=0.05)
+    spread = root_covariance(a, POLES[0], covariance_of_matrix(matrix))
+    np.testing.assert_allclose(spread, sampled, rtol=0.05)
 
 
 def test_root_covariance_of_a_polynomial_that_is_not_monic():
     # The root of b0 z + b1 is −b1/b0, its variance by propagation (var b1 + r² var b0) / b0².
     b = np.array([2.0, -1.0])
-    spread = root_covariance(b, 0.5, np.diag([0.01, 0.04]))
+    spread = root_covariance(b, 0.5, covariance_of_matrix(np.diag([0.01, 0.04])))
     np.testing.assert_allclose(spread, [[(0.04 + 0.25 * 0.01) / 4, 0.0], [0.0, 0.0]])
 
 

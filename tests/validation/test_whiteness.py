@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from covariances import covariance_of_matrix
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from evopem import SearchSettings, estimate
 from evopem.estimation.state_space.estimate import estimates_of_orders
-from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.signals.recording import Recording
 from evopem.validation.residual_tests import EstimationResiduals, fit_effects, whiteness_test
 from evopem.validation.responses import stretches_of
@@ -27,7 +27,7 @@ def expected(seed, autoregressive=True, objective="quadratic"):
     residuals = target - regressors @ found
     # Of least absolute errors of normal residuals the variance is π/2 times as large.
     spread = np.var(residuals) * (1.0 if objective == "quadratic" else np.pi / 2)
-    covariance = ParameterCovariance.from_matrix(spread * np.linalg.inv(regressors.T @ regressors))
+    covariance = covariance_of_matrix(spread * np.linalg.inv(regressors.T @ regressors))
     effects = fit_effects(lambda step: (residuals - regressors @ step)[:, None], covariance, 30)
     return whiteness_test(residuals, 30, (), effects[0], objective).expected
 

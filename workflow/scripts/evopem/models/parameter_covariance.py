@@ -42,30 +42,6 @@ class ParameterCovariance:
     factor: Array
     null_space: Array
 
-    @classmethod
-    def from_matrix(cls, matrix: ArrayLike) -> Self:
-        """The factored form of a covariance matrix, (n, n); ValueError when it is not square.
-
-        A parameter whose variance is not finite is unidentifiable.  Eigenvalues of the correlation
-        matrix below its rounding error are raised to that error.
-        """
-        covariance = np.asarray(matrix, dtype=float)
-        if covariance.ndim != 2 or covariance.shape[0] != covariance.shape[1]:
-            raise ValueError(f"a covariance must be a square matrix, not {covariance.shape}")
-        variances = np.diag(covariance)
-        known = np.isfinite(variances) & (variances >= 0.0)
-        known[known] = np.isfinite(covariance[np.ix_(known, known)]).all(axis=1)
-        scale = np.sqrt(variances[known])
-        divisor = np.where(scale > 0.0, scale, 1.0)
-        correlation = covariance[np.ix_(known, known)] / np.outer(divisor, divisor)
-        eigenvalues, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
-        if eigenvalues.size:
-            rounding = eigenvalues.size * np.finfo(float).eps * max(eigenvalues[-1], 0.0)
-            eigenvalues = np.maximum(eigenvalues, rounding)
-        factor = np.zeros((len(covariance), len(scale)))
-        factor[known] = scale[:, None] * vectors * np.sqrt(eigenvalues)
-        return cls(factor, np.eye(len(covariance))[:, ~known])
-
     @property
     def matrix(self) -> Array:
         """The covariance matrix, (n, n), as :meth:`of` has it."""

@@ -85,16 +85,12 @@ def uncertain_roots(
     return uncertain
 
 
-def root_covariance(
-    coefficients: Array, root: complex, covariance: ParameterCovariance | Array
-) -> Array:
+def root_covariance(coefficients: Array, root: complex, covariance: ParameterCovariance) -> Array:
     """Covariance of a root's real and imaginary part, to first order, (2, 2).
 
     ``covariance`` of all ``coefficients``, highest power first, or of all but a leading 1.
     Infinite where the data do not determine the root, NaN for a repeated root.
     """
-    if not isinstance(covariance, ParameterCovariance):
-        covariance = ParameterCovariance.from_matrix(covariance)
     gradient = root_gradient(coefficients, root)[-len(covariance) :]
     return covariance.of(np.vstack([gradient.real, gradient.imag]))
 

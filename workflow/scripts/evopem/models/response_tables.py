@@ -1,7 +1,7 @@
 """A model's modes and responses as tables, with their intervals."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -25,9 +25,6 @@ AT_PEAK, NARROW, OF_DECADE = np.linspace(-4.0, 4.0, 17), 8.0, 20
 # Samples of a time response: until it has settled to this share, within limits.
 SETTLED = 1e-3
 FEWEST_SAMPLES, MOST_SAMPLES = 50, 1000
-# Step of a central difference, in standard errors of a coefficient: small against the curvature of
-# a response, large against rounding.
-STEP = 1e-3
 UNKNOWN = np.full((1, 1, 1), np.nan)
 # Derivatives of responses that are computed at a time.
 BLOCK = 2_000_000
@@ -185,40 +182,6 @@ def _impulse_errors(model: StateSpaceModel, samples: int, noise: bool) -> Array:
     return errors
 
 
-def response_standard_errors(model: Model, response: Callable[[Any], Array]) -> Array:
-    """Standard errors of a real function of a model, to first order (Ljung 1999, section 9.4).
-
-    ``model``: with a covariance, ValueError without.  ``response``: for instance ``lambda model:
-    model.step_response(100)``.  Of the shape of the response; infinite where it depends on a
-    direction of the coefficients that the data do not determine.
-    """
-    if model.covariance is None:
-        raise ValueError("the model has no covariance of its coefficients")
-    point = model.parameters
-
-    def slope(step: Array, size: float) -> Array:
-        up, down = (response(model.with_parameters(point + sign * step)) for sign in (1, -1))
-        return (up - down) / (2.0 * size)
-
-    if not model.covariance.null_space.size:
-        # Along the independent directions of the errors, which are fewer than the coefficients.
-        squares = np.zeros_like(response(model))
-        for direction in model.covariance.factor.T:
-            squares += slope(STEP * direction, STEP) ** 2
-        return np.sqrt(squares)
-    slopes = []
-    deviations = model.covariance.standard_errors(np.eye(len(point)))
-    for index, deviation in enumerate(deviations):
-        step = np.zeros(len(point))
-        # Of a coefficient without a finite standard error, a step of its own size.
-        size = deviation if 0.0 < deviation < np.inf else max(abs(point[index]), 1.0)
-        step[index] = STEP * size
-        slopes.append(slope(step, step[index]))
-    jacobian = np.array(slopes)
-    errors = model.covariance.standard_errors(jacobian.reshape(len(point), -1).T)
-    return errors.reshape(jacobian.shape[1:])
-
-
 def resolving_frequencies(model: Model, count: int) -> Array:
     """Frequencies in Hz to half the rate, evenly spaced, and closer where peaks are narrow."""
     highest = model.sampling_rate / 2.0
@@ -346,11 +309,9 @@ def time_response_table(
     ):
         values = response(of_part)
         errors = np.full(values.shape, np.nan)
-        if of_part.covariance is not None and values.size:
-            if isinstance(of_part, StateSpaceModel):
-                errors = _impulse_errors(of_part, samples, response is of_noise)
-            else:
-                errors = response_standard_errors(of_part, response)
+        form = state_space_of(of_part)
+        if form.covariance is not None and values.size:
+            errors = _impulse_errors(form, samples, response is of_noise)
             if rivals and response is of_plant:
                 responses = np.array([response(rival) for rival in rivals])
                 errors = np.sqrt(errors**2 + np.mean((responses - responses[0]) ** 2, axis=0))
