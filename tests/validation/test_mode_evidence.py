@@ -249,6 +249,24 @@ def test_modes_that_make_up_a_finite_response_are_not_trusted():
     assert not any(doubted(np.convolve(ring, factor(OF_INPUT)), np.convolve(b, [1.0, -0.5])))
 
 
+@pytest.mark.parametrize(("gain", "trusted"), [(0.003, False), (0.3, True)])
+def test_a_slow_mode_vouches_for_those_of_a_finite_response_where_it_is_trusted(gain, trusted):
+    """It outlasts one in both cases; the weaker one has less than 0.01 % of the power."""
+    ring = np.zeros(13)
+    ring[[0, 12]] = 1.0, -(0.75**12)
+    u, e = np.random.default_rng(6).standard_normal((2, 1500))
+    b = np.r_[np.random.default_rng(7).standard_normal(12), 0.0]
+    b = np.convolve(b, factor(OF_INPUT))[:14] + gain * np.r_[ring, 0.0]
+    model = PolynomialModel(
+        np.convolve(ring, factor(OF_INPUT)), b, np.ones(1), nk=1, sampling_rate=RATE
+    )
+    recording = Recording(u, model.simulate(u) + 0.01 * e, RATE)
+    modes = tuple(replace(mode, frequency_se_hz=0.01, damping_se=1e-3) for mode in model.modes())
+    of_order = OrderModel.of(14, 0.0, model, modes)
+    table = table_of_models([of_order], 14, lambda each: divided(each, recording, 700))
+    assert [mode.trusted for mode in table.modes] == [trusted] * 6
+
+
 @pytest.mark.parametrize(
     ("lines", "finite", "doubted"),
     [(700, True, True), (700, False, False), (12, False, True)],

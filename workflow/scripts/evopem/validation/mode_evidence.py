@@ -52,6 +52,7 @@ LEAST_POWER = EXCITED
 WIDEST_INTERVAL = 0.1
 # Decay in a sample, relative to the amplitude, that no record of usual length shows.
 NO_DECAY = 1e-6
+FINITE = "may describe a finite impulse response, which has no modes"
 # Level of the test that tells two poles apart, and smallest assurance (MAC) that a known shape is
 # expected to have with the true one: that of well correlated shapes (Ewins 2000).
 POLES_APART, KNOWN_SHAPE = 0.01, 0.9
@@ -213,6 +214,12 @@ def table_of_models(
         row_of |= {(order, index): len(judged) for order, index in group.items()}
         judged.append(_judged(nearby, group, of_mode, by_order, *of_model[order], without, chosen))
     poles = stabilization({order: model.modes for order, model in by_order.items()}, row_of)
+    trusted = [row for row in judged if row.trusted]
+    for row in trusted:
+        # The pole of a drift outlasts a finite response, whatever those that are trusted describe.
+        beside = [neighbour.mode for neighbour in trusted if row.order in neighbour.orders]
+        if is_short(by_order[row.order].model, beside):
+            judged[judged.index(row)] = replace(row, doubts=(FINITE,))
     rows = _with_pairs(judged, by_order, row_of)
     shapes = [row.mode.shape for row in rows]
     alike = tuple(tuple(round(assurance(a, b), 12) for b in shapes) for a in shapes)
@@ -261,8 +268,7 @@ def _judged(
     chosen: int,
 ) -> ModeEvidence:
     """A mode judged.  ``outlasts``: :func:`outlasting_test` of its model.  ``without``: squared
-    errors of the best smaller model without it to its own, since a superfluous pole seems needed
-    beside those that it took the place of."""
+    errors of the best smaller model without it to its own: a superfluous pole may seem needed."""
     mode, model = order_model.modes[group[order_model.order]], order_model.model
     of_input, of_noise, power_share = tests
     in_noise = bool(np.any(mode.noise_participation))
@@ -344,7 +350,7 @@ def doubts(
     ):
         reasons.append("hardly decays within the record")
     if finite:
-        reasons.append("may describe a finite impulse response, which has no modes")
+        reasons.append(FINITE)
     if evidence.power_share < LEAST_POWER:
         reasons.append(f"carries less than {100 * LEAST_POWER:g} % of the power of any output")
     if evidence.origin == "neither":
