@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from evopem.automatic.cross_validation.simulation import (
     errors_simulated_on,
-    errors_with_both_levels,
+    errors_with_levels,
     simulated,
 )
 from evopem.automatic.cross_validation.stretches import folds_of
@@ -109,7 +109,7 @@ def test_errors_with_both_levels_are_those_of_two_simulations(orders, robust):
     u, y, _ = output_error_record(300)
     model = fit([Segment(u, y)], Orders(**dict(zip(ORDER_NAMES, orders, strict=True)))).model
     parts = model, Segment(u[:200], y[:200]), Segment(u[200:], y[200:] + 1.0)
-    for fitted, errors in enumerate(errors_with_both_levels(*parts, robust)):
+    for fitted, errors in enumerate(errors_with_levels(*parts, (False, True), robust)):
         alone = errors_simulated_on(*parts, bool(fitted), robust)
         np.testing.assert_allclose(errors, alone, atol=1e-9)
         assert abs(np.mean(errors)) < 0.5 if fitted else np.mean(errors) < -0.5

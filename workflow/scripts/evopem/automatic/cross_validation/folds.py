@@ -9,7 +9,7 @@ from scipy.special import ndtri
 from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import (
     Model,
-    errors_with_both_levels,
+    errors_with_levels,
     prediction_errors,
 )
 from evopem.automatic.cross_validation.stretches import (
@@ -183,7 +183,7 @@ class HeldOutScores:
 
     Root mean square errors for the quadratic objective, mean absolute ones for the absolute; the
     geometric mean over the designs of folds of the mean over the outputs.  Simulations run on from
-    the samples before (:func:`.simulated_on`), with the level of the training samples, or
+    the samples before (:func:`.errors_simulated_on`), with the level of the training samples, or
     with one that is fitted to the held-out samples; predictions are one step ahead.  Sums are
     divided by the samples less the level that was fitted to them.  Infinite where there is none.
     """
@@ -323,8 +323,8 @@ def _errors_on(model: Model, before: Segment, stretch: Segment, absolute: bool) 
     sums, counts = np.zeros((3, outputs)), np.zeros((3, outputs))
     with np.errstate(all="ignore"):
         if stretch.has_input:
-            simulations = errors_with_both_levels(model, before, stretch, absolute)
-            for fitted, errors in enumerate(simulations):
+            given = model, before, stretch, (False, True), absolute
+            for fitted, errors in enumerate(errors_with_levels(*given)):
                 sums[fitted], counts[fitted] = total(errors), len(errors) - fitted
         errors = prediction_errors(model, stretch, before)
         if len(errors) > stretch.samples // 4:

@@ -17,29 +17,30 @@ from evopem.validation.responses import unscored_samples
 STABLE = 1.0 + 1e-9
 
 
-def simulated_on(
+def errors_simulated_on(
     model: Model,
-    before: Segment,
+    before: Segment | None,
     held_out: Segment,
     fitted_level: bool = False,
     robust: bool = False,
 ) -> Array:
-    """Simulation of held-out samples whose outputs determine no state, (M, l), of the last M.
+    """Errors of a simulation of held-out samples that determine no state, (M, l), of the last M.
 
     It runs on from the samples before, which determine its initial state: that of the predictor
-    where noise and input move the same states, else the one that fits them.  Without any, the first
-    tenth of the held-out samples do, and are not scored.  A state that were fitted to what is
-    scored would draw slow waves through drifts with poles near the unit circle.  With
-    ``fitted_level`` a constant is fitted to the scored samples; ``robust`` takes its median, and
-    the state that fits best.
+    where noise and input move the same states, else the one that fits them.  Where these are None
+    or empty, the first tenth of the held-out samples do, and are not scored.  A state that were
+    fitted to what is scored would draw slow waves through drifts with poles near the unit circle.
+    With ``fitted_level`` a constant is fitted to the scored samples; ``robust`` takes its median,
+    and the state that fits best.
     """
-    return _simulations(model, before, held_out, (fitted_level,), robust)[0]
+    past = held_out.between(0, 0) if before is None else before
+    return errors_with_levels(model, past, held_out, (fitted_level,), robust)[0]
 
 
-def _simulations(
+def errors_with_levels(
     model: Model, before: Segment, held_out: Segment, fitted_levels: Sequence[bool], robust: bool
 ) -> list[Array]:
-    """:func:`simulated_on` with the model's level or a fitted one, each as asked for."""
+    """:func:`errors_simulated_on` with the model's level or a fitted one, each as asked for."""
     known = before.samples or first_samples(held_out.samples)
     both = _joined(before, held_out)
     inputs, outputs = both.inputs, both.outputs
@@ -47,16 +48,16 @@ def _simulations(
     simulated = [np.full(measured.shape, np.inf)] * len(fitted_levels)
     with np.errstate(all="ignore"):
         if is_stable:
-            if _continues(model, before, robust):
-                form = _predictor_of(model)
-                simulated = [form.simulate_on(inputs, outputs, known)] * len(fitted_levels)
+            # No level is part of the state of the predictor.
+            if before.samples and not robust and noise_moves_plant(model):
+                simulated = [_continued(model, before, held_out, known)[0]] * len(fitted_levels)
             else:
                 given = inputs, outputs, fitted_levels, robust, known
                 simulated = [whole[known:] for whole in states.simulations(*given)]
-        centre = np.median if robust else np.mean
+        centre, errors = np.median if robust else np.mean, [s - measured for s in simulated]
         return [
-            computed + centre(measured - computed, axis=0) if fitted_level else computed
-            for computed, fitted_level in zip(simulated, fitted_levels, strict=True)
+            e - centre(e, axis=0) if fitted_level else e
+            for e, fitted_level in zip(errors, fitted_levels, strict=True)
         ]
 
 
@@ -64,8 +65,7 @@ def _simulations(
 @lru_cache(maxsize=1)
 def _plant_of(model: Model) -> tuple[StateSpaceModel, bool]:
     """The plant in state space, and whether it is stable."""
-    states = simulated_form(model)
-    return states, bool(np.abs(states.poles()).max(initial=0.0) < STABLE)
+    return simulated_form(model), bool(np.abs(model.poles()).max(initial=0.0) < STABLE)
 
 
 @lru_cache(maxsize=1)
@@ -74,9 +74,11 @@ def _predictor_of(model: Model) -> StateSpaceModel:
     return state_space_of(replace(model, covariance=None))
 
 
-def _continues(model: Model, before: Segment, robust: bool) -> bool:
-    """Whether a simulation runs on from the state of the predictor, which no level is part of."""
-    return bool(before.samples) and not robust and noise_moves_plant(model)
+@lru_cache(maxsize=1)
+def _continued(model: Model, before: Segment, stretch: Segment, known: int) -> tuple[Array, Array]:
+    """Simulation and one-step errors from the state of the predictor behind the samples before."""
+    both = _joined(before, stretch)
+    return _predictor_of(model).continued(both.inputs, both.outputs, known)
 
 
 def noise_moves_plant(model: Model) -> bool:
@@ -87,33 +89,6 @@ def noise_moves_plant(model: Model) -> bool:
     if isinstance(model, PolynomialModel):
         return model.orders.na > 0
     return bool(model.K.any())
-
-
-def errors_simulated_on(
-    model: Model,
-    before: Segment | None,
-    held_out: Segment,
-    fitted_level: bool = False,
-    robust: bool = False,
-) -> Array:
-    """Errors of :func:`simulated_on`, (M, l); ``before`` is None where nothing is known."""
-    past = held_out.between(0, 0) if before is None else before
-    computed = simulated_on(model, past, held_out, fitted_level, robust)
-    with np.errstate(all="ignore"):
-        return np.asarray(computed - held_out.outputs[held_out.samples - len(computed) :])
-
-
-def errors_with_both_levels(
-    model: Model, before: Segment, held_out: Segment, robust: bool
-) -> tuple[Array, Array]:
-    """Errors of :func:`simulated_on` with the model's level, and with one that is fitted."""
-    simulations = _simulations(model, before, held_out, (False, True), robust)
-    with np.errstate(all="ignore"):
-        constant, fitted = (
-            computed - held_out.outputs[held_out.samples - len(computed) :]
-            for computed in simulations
-        )
-    return constant, fitted
 
 
 def simulated(model: Model, stretch: Segment, fitted_level: bool = False) -> Array:
@@ -141,6 +116,9 @@ def prediction_errors(model: Model, stretch: Segment, before: Segment | None = N
     known = stretch.samples
     if before is not None:
         known = max(before.samples or first_samples(known), form.order + first + 2)
+        if known == before.samples and noise_moves_plant(model):
+            with np.errstate(all="ignore"):
+                return _continued(model, before, stretch, known)[1]
         stretch = _joined(before, stretch)
     if stretch.samples <= max(first + 1, known if before is not None else 0):
         return np.empty((0, stretch.outputs.shape[1]))

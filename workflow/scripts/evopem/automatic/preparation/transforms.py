@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from evopem.arrays import Array
-from evopem.automatic.cross_validation.simulation import simulated_on
+from evopem.automatic.cross_validation.simulation import errors_simulated_on
 from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, Fold, first_samples, folds_of
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.fit import FOLD_STAGES, fit
@@ -261,7 +261,8 @@ def _errors_of(fold: Fold, plan_of: PlanOf) -> Array:
         try:
             model = fit(fitted, orders, stages=FOLD_STAGES).model
             for whole, past, stretch in zip(fold.held_out, pasts, held_out, strict=True):
-                simulated = simulated_on(model, past, stretch, fitted_level=True)[:, 0]
+                simulated = errors_simulated_on(model, past, stretch, fitted_level=True)[:, 0]
+                simulated = simulated + stretch.output[-len(simulated) :]
                 if plan.box_cox is not None:
                     simulated = invert_box_cox(simulated, plan.box_cox, plan.shift)
                 t, y = (x[-len(simulated) :] for x in (whole.inputs[:, -1], whole.output))
