@@ -15,7 +15,8 @@ MODEL = PolynomialModel(ONE, np.array([1.0, 0.5]), ONE, ONE, np.array([1.0, -1.5
 
 def simulate_from_first(model, u, y, known, fit_level=False, robust=False):
     form = model.plant().state_space()
-    return form.simulate_from_fitted_state(u[:, None], y[:, None], fit_level, robust, known)[:, 0]
+    (found,) = form.simulations(u[:, None], y[:, None], (fit_level,), robust, known)
+    return found[:, 0]
 
 
 def signals(model, samples, noise, seed=1):

@@ -10,6 +10,7 @@ import pytest
 from covariances import covariance_of_matrix
 from identified import with_model, without_covariance
 
+from evopem.config.defaults import complete
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.search.certificate import POLYNOMIALS, STATE_SPACE
 from evopem.models.modes import Mode
@@ -19,7 +20,7 @@ from evopem.models.polynomial_roots import root_covariance, root_gradient
 from evopem.signals.recording_info import ChannelInfo, RecordingInfo
 from evopem.validation.checks import CHECKS, Evidence, checks, failed_checks
 from evopem.validation.checks.roots import cancelling_pairs
-from evopem.validation.checks.search import ranges_of_phases, repeatability
+from evopem.validation.checks.search import RANGES, ranges_of_phases, repeatability
 from evopem.validation.distortion import Distortion, Floor
 from evopem.validation.error_parts import ErrorParts, Part
 from evopem.validation.model_class import ResidualTest
@@ -60,6 +61,13 @@ class Given:
             (one,) = getattr(self.validation, part)
             return self.with_("validation", **{part: (replace(one, **changes),)})
         return replace(self, **{part: replace(getattr(self, part), **changes)})
+
+
+def test_ranges_are_called_by_their_keys():
+    for key, _ in RANGES.values():
+        group, name = key.split(".")
+        content = {"file": "a.csv", "recipe": "chapter", "structure": "general", group: {name: 3}}
+        complete({"datasets": {"a": content}})
 
 
 def with_polynomials(record, a, b, c, covariance):

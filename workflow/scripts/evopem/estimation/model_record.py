@@ -25,7 +25,7 @@ from evopem.models.continuous import ContinuousRecord
 from evopem.models.conversions import plant_of
 from evopem.models.modes import Mode
 from evopem.models.orders import Orders
-from evopem.models.polynomial import Model, PolynomialModel
+from evopem.models.polynomial import Model, PolynomialModel, state_space_of
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.prepared_data import Transforms
 from evopem.signals.recording import Recording
@@ -210,9 +210,7 @@ class ModelRecord:
     @property
     def state_space(self) -> StateSpaceModel:
         """The model in state space, states of the plant first."""
-        if isinstance(self.model, PolynomialModel):
-            return self.model.state_space()
-        return self.model
+        return state_space_of(self.model)
 
     @property
     def plant(self) -> StateSpaceModel:

@@ -232,24 +232,26 @@ class StateSpaceModel:
         inputs: ArrayLike,
         outputs: ArrayLike,
         fit_level: bool = False,
-        robust: bool = False,
         known: int | None = None,
     ) -> Array:
         """Simulation, (N, ny), from the initial state with which it fits the outputs best.
 
         Least squares, each output relative to its spread.  With ``fit_level`` a constant is fitted
-        as well; ``robust`` takes the least absolute instead of squared errors.
+        as well.
 
         With ``known`` from the initial state that so many first outputs make most probable: of
         normal states with the second moments of a simulation from rest, in noise of the size that
         the least-squares state leaves over them.  A state that they hardly determine stays small.
         """
-        return self.simulations(inputs, outputs, (fit_level,), robust, known)[0]
+        return self.simulations(inputs, outputs, (fit_level,), False, known)[0]
 
     def simulations(
         self, u: ArrayLike, y: ArrayLike, levels: Sequence[bool], robust: bool, known: int | None
     ) -> list[Array]:
-        """:meth:`simulate_from_fitted_state` with a fitted constant or without, for each level."""
+        """:meth:`simulate_from_fitted_state` with a fitted constant or without, for each level.
+
+        ``robust`` takes the least absolute instead of squared errors.
+        """
         form = self.without_delays()
         u, y = form._signals(u, y)
         with np.errstate(all="ignore"):

@@ -16,7 +16,7 @@ RANGES = {
     "nc": ("orders.nc", 0),
     "nd": ("orders.nd", 0),
     "na": ("orders.na", 0),
-    "nb": (".orders.nb", 1),
+    "nb": ("orders.nb", 1),
 }
 REPEATABLE = "Search repeatable"
 # Other restarts which, when all of them end at the lowest value, show that a search is repeatable.
