@@ -1,0 +1,1 @@
+"""Models of linear systems, and what follows from them."""

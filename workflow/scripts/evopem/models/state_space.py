@@ -248,10 +248,7 @@ class StateSpaceModel:
     def simulations(
         self, u: ArrayLike, y: ArrayLike, levels: Sequence[bool], robust: bool, known: int | None
     ) -> list[Array]:
-        """:meth:`simulate_from_fitted_state` with a fitted constant or without, for each level.
-
-        ``robust`` takes the least absolute instead of squared errors.
-        """
+        """:meth:`simulate_from_fitted_state` of each level; ``robust``: of absolute errors."""
         form = self.without_delays()
         u, y = form._signals(u, y)
         with np.errstate(all="ignore"):

@@ -86,9 +86,10 @@ def probable(columns: Array, target: Array, spread: Array, robust: bool, moments
 
 def _least_squares(columns: Array, goal: Array) -> Array:
     """Without the directions that are hardly seen, unless the BIC prefers a fit with them."""
-    coefficients, rank = _solved(columns, goal, STATE_RANK)
-    if rank < columns.shape[1]:
-        finer, more = _solved(columns, goal, min(len(columns) * EPSILON, STATE_RANK))
+    coefficients, rank, sizes = _solved(columns, goal, STATE_RANK)
+    share = min(len(columns) * EPSILON, STATE_RANK)
+    if rank < np.sum(sizes > share * sizes.max(initial=0.0)):
+        finer, more, _ = _solved(columns, goal, share)
         left, less = (
             max(float(np.sum((goal - columns @ x) ** 2)), TINY) for x in (coefficients, finer)
         )
@@ -97,13 +98,15 @@ def _least_squares(columns: Array, goal: Array) -> Array:
     return coefficients
 
 
-def _solved(columns: Array, goal: Array, share: float) -> tuple[Array, int]:
+def _solved(columns: Array, goal: Array, share: float) -> tuple[Array, int, Array]:
+    """Coefficients, rank, and singular values, 1 where they are not known."""
     try:
-        coefficients, _, rank, _ = np.linalg.lstsq(columns, goal, share)
+        coefficients, _, rank, sizes = np.linalg.lstsq(columns, goal, share)
     except np.linalg.LinAlgError:
         # The iteration for singular values may not end; a decomposition with pivots needs none.
         coefficients, _, rank, _ = scipy.linalg.lstsq(columns, goal, share, lapack_driver="gelsy")
-    return np.asarray(coefficients), int(rank)
+        sizes = np.ones(columns.shape[1])
+    return np.asarray(coefficients), int(rank), np.asarray(sizes)
 
 
 def states_of(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array:
