@@ -22,7 +22,6 @@ from evopem.automatic.fold_errors import (
     STRONG,
     Kind,
     as_good,
-    coloured_bic,
     gain_of_nothing,
     may_be_chance,
     never_behind,
@@ -33,7 +32,6 @@ from evopem.automatic.fold_errors import (
 )
 from evopem.automatic.orders import WEAK, refine_orders
 from evopem.automatic.preparation.disturbance import follow_input
-from evopem.config.structures import OF_SIMULATION
 from evopem.errors import NoModelError
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
 from evopem.validation.checks.roots import INSIDE_BOUND
@@ -140,7 +138,7 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
                 candidates.extend(refine_orders(scorer, finalist, criterion))
         # What was refined may have been searched, and scored only then.
         candidates = list(dict.fromkeys(map(scorer.known, candidates)))
-        candidates = _with_valid_noise(candidates) or candidates
+        candidates, refuted = _with_valid_noise(candidates)
         simulation, about = _for_simulation(scorer, candidates, _kind_of(level))
         if level == "constant":
             # A level passes through 1/A: where A has roots near 1, its small error in the equation
@@ -148,7 +146,7 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
             level, of_chosen = _level_of([simulation])
             about_level = of_chosen if level == "state" else about_level
         choices.append(Choice("simulation", scorer.on_all_samples(simulation), level))
-        decisions += [about_level, about]
+        decisions += [about_level, *refuted, about]
     searched = parametric(candidates)
     prediction, sentence = _smallest_as_good(scorer, searched, "prediction")
     choices.append(Choice("prediction", scorer.on_all_samples(prediction), "constant"))
@@ -192,12 +190,25 @@ def _level_of(candidates: Sequence[Candidate]) -> tuple[Level, Decision]:
     return level, Decision("level", level, alternatives, criterion, sentence)
 
 
-def _with_valid_noise(candidates: Sequence[Candidate]) -> list[Candidate]:
+def _with_valid_noise(candidates: list[Candidate]) -> tuple[list[Candidate], list[Decision]]:
     """The models whose noise model does not make errors on held-out samples half as large again.
 
-    Many coefficients, with roots of C at the bound, fit the noise of a short record alone.
+    All where there is none.  Many coefficients, with roots of C at the bound, fit the noise of a
+    short record alone.
     """
-    return [c for c in candidates if not c.scores.prediction > HARMFUL * c.scores.simulation]
+    ratios = [Alternative(c.name, c.scores.prediction / c.scores.simulation) for c in candidates]
+    refuted = [ratio for ratio in ratios if ratio.score > HARMFUL]
+    if len(refuted) in (0, len(candidates)):
+        return candidates, []
+    sentence = (
+        "Left out for every purpose: on held-out samples their one-step errors are more than"
+        f" {HARMFUL:g} times those of simulation, so that their noise models fit noise alone."
+    )
+    criterion = "one-step error over simulation error on held-out samples"
+    count = f"{len(refuted)} of {len(candidates)}"
+    decision = Decision("refuted noise models", count, tuple(refuted), criterion, sentence)
+    kept = [c for c, ratio in zip(candidates, ratios, strict=True) if ratio not in refuted]
+    return kept, [decision]
 
 
 def _finalists(candidates: Sequence[Candidate], score: Score) -> list[Candidate]:
@@ -291,10 +302,10 @@ def _by_likelihood(
         and not {INDEPENDENT_OF_INPUT, INSIDE_BOUND}.intersection(checks.failed)
     ):
         return None
-    near = _without_evidence(scorer, candidates, *_criteria(likeliest))
+    near = _without_evidence(scorer, candidates, BIC)
     best = min(near, key=score)
     equal = [candidate for candidate in near if as_good(candidate, best, kind)]
-    chosen = _smallest(scorer, equal, *_criteria(likeliest))
+    chosen = _smallest(scorer, equal, BIC)
     sentence = (
         f"{likeliest.name} has the lowest BIC, and its residuals are white and independent of the "
         "input."
@@ -318,15 +329,6 @@ def _passes_through_plant(candidate: Candidate) -> bool:
     return candidate.structure != "ss_bj" and noise_moves_plant(candidate.model)
 
 
-def _criteria(likeliest: Candidate) -> tuple[Score, ...]:
-    """What may speak against the models that are compared with the likeliest, for simulation.
-
-    One-step errors of output-error models rest on states that are fitted to all samples, which lets
-    undamped poles draw slow drifts: there the BIC of simulation errors is heard as well.
-    """
-    return (BIC, SIMULATION_BIC) if likeliest.structure in OF_SIMULATION else (BIC,)
-
-
 def _without_evidence(
     scorer: Scorer, candidates: Sequence[Candidate], *criteria: Score
 ) -> list[Candidate]:
@@ -338,16 +340,16 @@ def _without_evidence(
     return list(dict.fromkeys(left))
 
 
-def _smallest(scorer: Scorer, candidates: Sequence[Candidate], *criteria: Score) -> Candidate:
+def _smallest(scorer: Scorer, candidates: Sequence[Candidate], criterion: Score) -> Candidate:
     """The fewest failed checks, then parameters, of those without strong evidence against them.
 
     Of as many parameters polynomials, whose orders may be refined one by one.
     """
     return min(
-        _without_evidence(scorer, candidates, *criteria),
+        _without_evidence(scorer, candidates, criterion),
         key=lambda c: (
             *(len(scorer.checks(c).failed), c.parameters, c.polynomials is None),
-            criteria[0](c),
+            criterion(c),
         ),
     )
 
@@ -367,12 +369,11 @@ def _smallest_as_good(
     else:
         # Where the folds differ much, errors within one standard error say little: likelihoods do.
         near = [c for c in candidates if c in equal or as_good(c, best, kind, 1.0, MOST_BY_CHANCE)]
-        chosen = _smallest(scorer, near, *_criteria(min(near, key=BIC)))
+        chosen = _smallest(scorer, near, BIC)
         checks = scorer.checks(chosen)
         if checks.whiteness < BY_CHANCE or INDEPENDENT_OF_INPUT in checks.failed:
             # No model of these describes noise or plant: one-step errors say little of the latter.
-            likeliest = min(equal, key=SIMULATION_BIC)
-            errors, chosen = "simulation", _smallest(scorer, equal, coloured_bic(scorer, likeliest))
+            errors, chosen = "simulation", _smallest(scorer, equal, SIMULATION_BIC)
     if chosen is best:
         return best, f"{best.name} {does} held-out samples with the lowest error."
     within = "two standard errors" if chosen in equal else "one standard error"
