@@ -350,9 +350,14 @@ def test_a_state_is_fitted_to_the_samples_that_it_is_seen_in(monkeypatch):
 
 
 @pytest.mark.parametrize("samples", [1, 2, states.PART - 1, states.PART, 3 * states.PART + 5])
-def test_states_are_those_of_the_recursion(samples):
-    dynamics, drive = np.array([[0.9, 0.4], [-0.3, 0.8]]), np.ones((samples, 2))
-    x, expected = np.array([1.0, -1.0]), []
+@pytest.mark.parametrize("poles", ["some", "none", "none, transposed"])
+def test_states_are_those_of_the_recursion(samples, poles, monkeypatch):
+    dynamics = np.array([[0.9, 0.4, 0.1], [-0.3, 0.8, 0.7], [0.2, 0.5, -0.6]])
+    if poles != "some":
+        monkeypatch.setattr(states, "PART", None)  # nothing is substituted
+        dynamics = np.triu(dynamics, 1) if poles == "none" else np.triu(dynamics, 1).T
+    drive = np.arange(3.0 * samples).reshape(samples, 3) % 7.0
+    x, expected = np.array([1.0, -1.0, 2.0]), []
     for each in drive:
         expected.append(x)
         x = dynamics @ x + each

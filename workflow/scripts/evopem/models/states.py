@@ -114,13 +114,20 @@ def states_of(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array
 
     Powers of the dynamics would lead over many samples at once, but those of companion matrices
     of slow poles rise before they fall: their rounding is that of poles outside the circle.
+    Without poles, as of finite responses, one state follows after the other.
     """
     samples, n = drive.shape
+    states = np.vstack([np.zeros(n) if initial is None else initial, drive[:-1]])
+    rows, columns = np.nonzero(dynamics)
+    if np.all(rows < columns) or np.all(rows > columns):
+        for row in range(n) if np.all(rows > columns) else reversed(range(n)):
+            acting = columns[rows == row]
+            states[1:, row] += states[:-1, acting] @ dynamics[row, acting]
+        return states[:samples]
     size = min(PART, max(samples, 2))
     matrix = np.zeros((2 * n, size * n), order="F")
     for column in range(n):
         matrix[n - column : 2 * n - column, column::n] = -dynamics[:, column, None]
-    states = np.vstack([np.zeros(n) if initial is None else initial, drive[:-1]])
     substituted = scipy.linalg.blas.dtbsv
     for first in range(0, samples, size - 1):
         part = states[first : first + size]  # whose first state is known
