@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from evopem.arrays import Array
+from evopem.arrays import Array, columns
 from evopem.errors import InputError
 from evopem.files.atomic import save_arrays
 from evopem.signals.recording import numbered
@@ -192,23 +192,19 @@ def _listed(table: Any, most: int = 20) -> str:
 
 def _samples(values: Any, source: str, role: str) -> Array:
     """A copy of signals as numbers, shape (N, channels); masked samples become NaN."""
-    no_numbers = InputError(source, "it holds no real numbers", "choose another signal", role)
+    problem, remedy = "it holds no real numbers in one or two dimensions", "choose another signal"
+    no_numbers = InputError(source, problem, remedy, role)
     if np.asarray(values).dtype.kind not in "fiubO":
         raise no_numbers
     try:
-        if np.ma.isMaskedArray(values):
-            values = np.ma.filled(np.ma.asarray(values).astype(float), np.nan)
-        elif hasattr(values, "to_numpy"):
-            # A table's missing values become NaN, which the checks of a recording name.
-            values = values.to_numpy(dtype=float, na_value=np.nan)
-        samples: Array = np.array(values, dtype=float)
+        # A table's missing values become NaN, which the checks of a recording name.
+        is_table = hasattr(values, "to_numpy")
+        given = values.to_numpy(dtype=float, na_value=np.nan) if is_table else values
+        samples = columns(given).copy()
     except (TypeError, ValueError):
         raise no_numbers from None
-    if samples.ndim == 1:
-        return samples[:, None]
-    if samples.ndim == 2 and samples.shape[0] == 1:
-        return samples.T
-    if samples.ndim != 2 or samples.shape[1] > samples.shape[0]:
+    samples = samples.T if len(samples) == 1 else samples
+    if samples.shape[1] > len(samples):
         problem = f"the signals have the shape {samples.shape}"
         raise InputError(source, problem, "give samples in rows and channels in columns", role)
     return samples
