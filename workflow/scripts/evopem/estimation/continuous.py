@@ -75,7 +75,7 @@ class Fit(NamedTuple):
         return np.asarray(directions - self.rows @ along)
 
 
-def triangle_of(rows: Array) -> tuple[Array, bool]:
+def gram_triangle(rows: Array) -> tuple[Array, bool]:
     """R of a QR decomposition, (n, n), and whether a Gram matrix was exact enough to give it."""
     gram = rows.T @ rows
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
@@ -87,7 +87,7 @@ def triangle_of(rows: Array) -> tuple[Array, bool]:
 
 def inverse_factor(rows: Array) -> tuple[Array, Array]:
     """A factor F of the pseudo-inverse ``F F'`` of ``rows' rows``, and its null space."""
-    triangle, is_regular = triangle_of(rows)
+    triangle, is_regular = gram_triangle(rows)
     if is_regular:
         return np.asarray(dtrtri(triangle)[0]), np.zeros((len(triangle), 0))
     return pseudo_inverse_factor(triangle)

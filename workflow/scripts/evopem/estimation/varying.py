@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from evopem.arrays import Array, Flags, Indices
 from evopem.config.settings import SearchSettings
-from evopem.estimation.continuous import Fit, descents, inverse_factor, triangle_of
+from evopem.estimation.continuous import Fit, descents, gram_triangle, inverse_factor
 from evopem.estimation.criteria import log_variance_of
 from evopem.estimation.pem.covariance import coloured_covariance
 from evopem.estimation.pem.kernels.bfgs import Descent
@@ -273,7 +273,7 @@ class VaryingProblem:
     def triangle(self) -> tuple[int, Array]:
         """How many errors of an autoregression count, and R of its regressors and the output."""
         rows = np.column_stack([self._regressors, self._output]) * self._weight[:, None]
-        return int(np.count_nonzero(self._weight)), triangle_of(rows)[0]
+        return int(np.count_nonzero(self._weight)), gram_triangle(rows)[0]
 
     def values(self, points: Array) -> Array:
         """Mean squares of the weighted errors, (M,)."""

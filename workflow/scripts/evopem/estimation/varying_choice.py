@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evopem.arrays import Array, Flags, Indices
-from evopem.estimation.continuous import triangle_of
+from evopem.estimation.continuous import gram_triangle
 from evopem.estimation.varying import Scheduled, VaryingEstimate, VaryingProblem, fit_varying
 from evopem.models.orders import Orders
 from evopem.models.varying import (
@@ -81,7 +81,7 @@ def _of_basis(
         kept = np.flatnonzero(((of_polynomial < order) | (rows == rows[-1])) & (terms < dimension))
         if samples < FEWEST_PER_WEIGHT * len(kept):
             continue
-        smallest, _ = triangle_of(triangle[:, [*kept, -1]])
+        smallest, _ = gram_triangle(triangle[:, [*kept, -1]])
         left = float(smallest[-1, -1] ** 2)
         likelihood = samples * (np.log(max(left / samples, 1e-300)) + 1.0)
         bic = likelihood + (len(kept) + 1) * np.log(samples)
