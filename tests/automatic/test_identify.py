@@ -99,33 +99,6 @@ def test_feedback_does_not_lead_to_an_output_error_model():
     assert error_percent(x, simulated(chosen.model, Segment(u, x), fitted_level=True)[:, 0]) < 25.0
 
 
-def test_heavy_tails_excuse_simulation_errors_of_a_model_with_white_residuals_alone(monkeypatch):
-    """Likelihood is efficient where the model is valid: a machine that rubs has large residuals."""
-    generator = np.random.default_rng(2)
-    n = 500
-    u, rare = np.repeat(generator.standard_normal(n // 10), 10), generator.random(n) < 0.04
-    e = np.where(rare, 8.0, 0.1) * generator.standard_normal(n)
-    y = lfilter([0.0, 0.3], [1.0, -0.95], u) + lfilter([0.5], [1.0, -0.95], e)
-    stretches = [Segment(u, y)]
-    plan = FoldPlan(((5, 1),), ABOUT, decide_repetition(stretches))
-    scorer = Scorer(stretches, plan, CommonSettings(objective="absolute"))
-    searches = [
-        StructureSearch(name, (scorer.candidate(name, orders),), ABOUT)
-        for name, orders in (
-            ("arx", Orders(na=1, nb=1, nk=1)),
-            ("oe", Orders(nb=1, nf=1, nk=1)),
-        )
-    ]
-
-    def reasons():
-        return [each.sentence for each in compare_structures(scorer, searches).decisions]
-
-    assert any("heavy-tailed" in reason for reason in reasons())
-    checked = scorer.checks
-    monkeypatch.setattr(scorer, "checks", lambda c: replace(checked(c), whiteness=0.0))
-    assert not any("heavy-tailed" in reason for reason in reasons())
-
-
 def test_a_regularised_response_takes_the_place_of_a_worse_choice():
     """A response of forty random decaying coefficients, which no small model has."""
     generator = np.random.default_rng(1)

@@ -17,7 +17,6 @@ from evopem.automatic.fold_errors import (
     may_be_chance,
     never_behind,
     regularised_unless_worse,
-    score_of,
     simplest,
     standard_error,
 )
@@ -25,7 +24,6 @@ from evopem.automatic.revisions import _is_allowed
 from evopem.automatic.structures import (
     Choice,
     _by_likelihood,
-    _despite_simulations,
     _for_simulation,
     _misses_response,
     _smallest_as_good,
@@ -209,23 +207,26 @@ def test_a_valid_model_simulates_worse_by_no_more_than_chance(effect, is_taken):
     assert (choice is not None and choice[0] is likeliest) == is_taken
 
 
-@pytest.mark.parametrize("objective", ["absolute", "quadratic"])  # heavy tails, feedback
-def test_no_likelihood_decides_for_simulation_where_the_likeliest_has_a_root_at_the_bound(
-    monkeypatch, objective
+@pytest.mark.parametrize(
+    ("p_value", "share", "misses", "is_taken"),
+    [
+        (1e-6, 0.1, True, True),
+        (1e-6, 0.01, False, True),
+        (1e-6, 0.01, True, False),  # what a linear model misses looks like weak feedback
+        (0.01, 0.1, False, False),
+    ],
+)
+def test_residuals_that_are_fed_back_to_the_input_may_depend_on_it(
+    monkeypatch, p_value, share, misses, is_taken
 ):
     likeliest, best = candidate(12, (0.2,) * 5), candidate(8, evidence=40.0)
-    feedback = SimpleNamespace(share=1.0, p_value=1e-6)
-    monkeypatch.setattr(structures, "_passes_through_plant", lambda _: True)
-    monkeypatch.setattr(structures, "heaviness", lambda *_: 1.0)
+    feedback = SimpleNamespace(share=share, p_value=p_value)
     monkeypatch.setattr(structures, "feedback_test", lambda *_: feedback)
-
-    def taken(*failed):
-        scorer, score = scorer_of((likeliest, best), of_all=failed), score_of("simulation")
-        scorer.settings = CommonSettings(objective=objective)
-        return _despite_simulations(scorer, (likeliest, best), score, score(best))
-
-    assert taken()[0] is likeliest
-    assert taken(INSIDE_BOUND) is None
+    monkeypatch.setattr(structures, "_misses_response", lambda *_: misses)
+    scorer = scorer_of((likeliest, best), of_all=(INDEPENDENT_OF_INPUT,))
+    choice = _by_likelihood(scorer, (likeliest, best), "simulation", best)
+    assert (choice is not None and choice[0] is likeliest) == is_taken
+    assert choice is None or "fed back" in choice[1]
 
 
 @pytest.mark.parametrize("check", [INDEPENDENT_OF_INPUT, INSIDE_BOUND])

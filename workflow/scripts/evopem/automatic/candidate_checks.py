@@ -1,4 +1,4 @@
-"""What the checks of the report say of a candidate, and what its residuals say of the noise."""
+"""What the checks of the report say of a candidate, and what its residuals say of feedback."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ import numpy as np
 
 from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import Model, prediction_errors
-from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, CommonSettings, log_loss
+from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, CommonSettings
 from evopem.config.structures import OF_SIMULATION, REGULARISED
 from evopem.estimation.criteria import lies_at_bound
 from evopem.estimation.impulse_response import posterior
@@ -211,15 +211,6 @@ def _earlier_delays(tested: _Residuals, delays: tuple[int, ...]) -> tuple[int, .
             before = correlation.lag[large & (correlation.lag >= 0) & (correlation.lag < delay)]
             earlier[column] = min([earlier[column], *before.tolist()])
     return tuple(earlier)
-
-
-def heaviness(model: Model, stretches: Sequence[Segment]) -> float:
-    """How much likelier a residual is under Laplace's distribution than under a normal one.
-
-    The mean logarithm of the ratio, each distribution at its likeliest scale.
-    """
-    e = np.concatenate([prediction_errors(model, stretch) for stretch in stretches])
-    return 0.5 * (log_loss(e, "quadratic") - log_loss(e, "absolute"))
 
 
 def feedback_test(model: Model, stretches: Sequence[Segment]) -> ResidualTest:

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from evopem.automatic.candidate_checks import BY_CHANCE, feedback_test, heaviness
+from evopem.automatic.candidate_checks import BY_CHANCE, feedback_test
 from evopem.automatic.candidates import (
     BIC,
     SIMULATION_BIC,
@@ -15,7 +15,7 @@ from evopem.automatic.candidates import (
     Scorer,
     StructureSearch,
 )
-from evopem.automatic.cross_validation.simulation import noise_moves_plant, prediction_errors
+from evopem.automatic.cross_validation.simulation import prediction_errors
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fold_errors import (
     CLEAR_GAIN,
@@ -38,15 +38,9 @@ from evopem.validation.checks.roots import INSIDE_BOUND
 
 Purpose = Literal["simulation", "prediction", "modes", "auto"]
 Level = Literal["constant", "state"]
-# Evidence of a residual for Laplace's distribution against the normal one, as a logarithm, from
-# which tails are heavy: 0.07 for Laplace's itself, -0.05 for the normal one.
-HEAVY = 0.1
 # Largest held-out simulation errors, against the lowest ones, of a model that is taken for its
-# likelihood: where its residuals are valid, where the record was made under feedback, where all its
-# checks hold, and where disturbances are heavy-tailed; those ring in simulations, and an
-# output-error model takes them for the response to the input.
-MOST_WHEN_VALID, MOST_UNDER_FEEDBACK = 1.25, 1.35
-MOST_WHEN_ALL_HOLD = MOST_UNDER_HEAVY_TAILS = 3.0
+# likelihood: where its residuals are valid, and where all its checks hold or chance allows it.
+MOST_WHEN_VALID, MOST_WHEN_ALL_HOLD = 1.25, 3.0
 FINALISTS = 2
 # One-step errors over simulation errors, on held-out samples, that refute a noise model.
 HARMFUL = 1.5
@@ -223,13 +217,12 @@ def _for_simulation(
 ) -> tuple[Candidate, Decision]:
     score, searched = score_of(kind), parametric(candidates)
     best = min(candidates, key=score)
-    choice = _despite_simulations(scorer, searched, score, score(best))
-    if choice is None:
-        choice = _by_likelihood(scorer, searched, kind, best)
-        choice = choice or _smallest_as_good(scorer, searched, kind)
-        choice = never_behind(candidates, kind, *choice, lambda c: len(scorer.checks(c).failed))
-        if _misses_response(scorer, min(searched, key=BIC)):
-            choice = regularised_unless_worse(candidates, kind, *choice)
+    choice = _by_likelihood(scorer, searched, kind, best)
+    choice = choice or _smallest_as_good(scorer, searched, kind)
+    choice = never_behind(candidates, kind, *choice, lambda c: len(scorer.checks(c).failed))
+    likeliest = min(searched, key=BIC)
+    if _misses_response(scorer, likeliest) and not _is_fed_back(scorer, likeliest):
+        choice = regularised_unless_worse(candidates, kind, *choice)
     chosen, sentence = gain_of_nothing(scorer, candidates, kind, choice[0]) or choice
     criterion = "simulation error on held-out samples, %"
     return chosen, _named(
@@ -237,78 +230,35 @@ def _for_simulation(
     )
 
 
-def _despite_simulations(
-    scorer: Scorer, candidates: Sequence[Candidate], score: Score, lowest: float
-) -> tuple[Candidate, str] | None:
-    """A model by its likelihood, where simulation errors mislead and nothing speaks against it.
-
-    ``lowest``: error of all models.  A missed nonlinearity can look like weak feedback.
-
-    Maximum likelihood is unbiased under feedback, and efficient where the residuals are white.
-    Simulation errors contain the noise as a whole; where it is heavy-tailed, they differ by chance
-    by far more than the models do.
-    """
-    likeliest = min(candidates, key=BIC)
-    ratio = score(likeliest) / lowest
-    if INSIDE_BOUND in scorer.checks(likeliest).failed:
-        return None
-    if (
-        scorer.settings.objective == "absolute"
-        and _passes_through_plant(likeliest)
-        and heaviness(likeliest.model, scorer.stretches) >= HEAVY
-        and ratio < MOST_UNDER_HEAVY_TAILS
-        and scorer.checks(likeliest).whiteness >= BY_CHANCE
-    ):
-        passing = [candidate for candidate in candidates if _passes_through_plant(candidate)]
-        return _smallest(scorer, passing, BIC), (
-            "The disturbances are heavy-tailed and pass through the poles of the plant: simulation "
-            f"errors are not robust against them. {likeliest.name} has the lowest BIC, of the "
-            "absolute one-step errors."
-        )
-    largest = max(_largest_ratio(scorer, likeliest), MOST_UNDER_FEEDBACK)
-    if not (ratio < largest and scorer.checks(likeliest).whiteness >= BY_CHANCE):
-        return None
-    feedback = feedback_test(likeliest.model, scorer.stretches)
-    weak = feedback.share < WEAK and _misses_response(scorer, likeliest)
-    if weak or feedback.p_value >= BY_CHANCE:
-        return None
-    return likeliest, (
-        f"The input depends on past residuals (p = {feedback.p_value:.1g}): the record was made "
-        f"under feedback, where simulation errors are biased. {likeliest.name} has the lowest BIC "
-        "and white residuals."
-    )
-
-
-def _largest_ratio(scorer: Scorer, likeliest: Candidate) -> float:
-    """The largest simulation error, over the lowest one, of a model taken for its likelihood."""
-    return MOST_WHEN_VALID if scorer.checks(likeliest).failed else MOST_WHEN_ALL_HOLD
-
-
 def _by_likelihood(
     scorer: Scorer, candidates: Sequence[Candidate], kind: Kind, lowest: Candidate
 ) -> tuple[Candidate, str] | None:
     """A model by its likelihood, where it is valid; ``lowest`` simulates best of all.
 
-    Maximum likelihood is efficient where the residuals are white and independent of the input.
-    Simulation errors contain the noise as a whole; where it is narrow in frequency, they differ by
-    chance by far more than the models do.
+    Maximum likelihood is efficient where the residuals are white and independent of the input, and
+    unbiased where the input depends on them.  Simulation errors contain the noise as a whole; where
+    it is narrow in frequency, they differ by chance by far more than the models do.
     """
     score, likeliest = score_of(kind), min(candidates, key=BIC)
-    checks, by_chance = scorer.checks(likeliest), may_be_chance(likeliest, lowest, kind)
-    largest = MOST_WHEN_ALL_HOLD if by_chance else _largest_ratio(scorer, likeliest)
+    checks = scorer.checks(likeliest)
+    may_be_worse = not checks.failed or may_be_chance(likeliest, lowest, kind)
+    largest = MOST_WHEN_ALL_HOLD if may_be_worse else MOST_WHEN_VALID
     if not (
         score(likeliest) / score(lowest) < largest
         and checks.whiteness >= BY_CHANCE
-        and not {INDEPENDENT_OF_INPUT, INSIDE_BOUND}.intersection(checks.failed)
+        and INSIDE_BOUND not in checks.failed
     ):
+        return None
+    independent = INDEPENDENT_OF_INPUT not in checks.failed
+    if not (independent or _is_fed_back(scorer, likeliest)):
         return None
     near = _without_evidence(scorer, candidates, BIC)
     best = min(near, key=score)
     equal = [candidate for candidate in near if as_good(candidate, best, kind)]
     chosen = _smallest(scorer, equal, BIC)
     sentence = (
-        f"{likeliest.name} has the lowest BIC, and its residuals are white and independent of the "
-        "input."
+        f"{likeliest.name} has the lowest BIC, and its residuals are white and "
+        f"{'independent of the input' if independent else 'fed back to the input'}."
     )
     if chosen is not likeliest:
         sentence += (
@@ -318,15 +268,17 @@ def _by_likelihood(
     return chosen, sentence
 
 
+def _is_fed_back(scorer: Scorer, candidate: Candidate) -> bool:
+    """Whether the input depends on past residuals; a missed nonlinearity can look so, weakly."""
+    feedback = feedback_test(candidate.model, scorer.stretches)
+    weak = feedback.share < WEAK and _misses_response(scorer, candidate)
+    return feedback.p_value < BY_CHANCE and not weak
+
+
 def _misses_response(scorer: Scorer, candidate: Candidate) -> bool:
     """Whether the sizes of the residuals of a model follow changes of the inputs."""
     stretch = max(scorer.stretches, key=lambda stretch: stretch.samples)
     return any(follow_input(stretch, e) for e in prediction_errors(candidate.model, stretch).T)
-
-
-def _passes_through_plant(candidate: Candidate) -> bool:
-    """Whether noise and input have poles in common."""
-    return candidate.structure != "ss_bj" and noise_moves_plant(candidate.model)
 
 
 def _without_evidence(
