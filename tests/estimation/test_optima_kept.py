@@ -83,6 +83,25 @@ def test_states_of_finely_sampled_poles_leave_the_noise_alone():
     assert np.std(errors.residuals(start)) == pytest.approx(0.01, rel=0.05)
 
 
+def test_least_squares_are_the_only_start_of_an_arx_model_with_poles_inside():
+    u, e = np.random.default_rng(5).standard_normal((2, 400))
+    orders = orders_of("arx", (2, 1, 1))
+    for a in ([1.0, -1.5, 0.7], [1.0, -1.5, 1.02]):
+        y = 3.0 + lfilter([0.0, 1.0], a, u) + lfilter([1.0], a, 0.1 * e)
+        errors = PolynomialErrors([Segment(u, y)], orders, "quadratic", 1.0, 1.0, level=True)
+        problem = PolynomialProblem(errors, [])
+        starts = problem.starts()
+        assert (len(starts) == 1) == (a[-1] < 1.0)
+        columns = np.column_stack([-y[1:-1], -y[:-2], u[1:-1], np.ones(398)])
+        least = np.linalg.lstsq(columns, y[2:])[1][0]
+        if a[-1] < 1.0:
+            reached = np.sum(errors.residuals(problem.sweep_descent(starts).points[0]) ** 2)
+            assert reached == pytest.approx(least, rel=1e-7)
+            # Descents on absolute errors end at corners that are not the lowest one.
+            absolute = PolynomialErrors([Segment(u, y)], orders, "absolute", 1.0, 1.0, level=True)
+            assert len(PolynomialProblem(absolute, []).starts()) > 1
+
+
 @pytest.mark.parametrize("structure", OF_STRUCTURE)
 def test_an_estimate_has_the_objective_of_its_search_or_is_refused(structure):
     """Whatever the mean of the input: it moves constants between the level and the states."""

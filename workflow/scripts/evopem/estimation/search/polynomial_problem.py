@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property, reduce
-from itertools import product
+from itertools import islice, product
 
 import numpy as np
 
@@ -172,11 +172,10 @@ class PolynomialProblem(BasinHoppingProblem):
         return points, 4 * steps * len(points)
 
     def starts(self) -> Array:
-        """Feasible points to descend from, (M, n), the lowest first."""
-        begins: list[Array] = []
-        if self._own_starts:
-            begins.append(self.estimates[0])
-        for model in self._models:
+        """Feasible points to descend from, (M, n), the lowest first; one where none ends lower."""
+        fresh, lone = self._own_starts, self._own_starts and self._plants_of_one_optimum()
+        begins = [self._of_plants(lone)[0] if lone else self.estimates[0]] if fresh else []
+        for model in () if lone else self._models:
             begins.append(self.completed(self.adapted(model))[0])
             if model.orders == self.errors.orders and self._is_lost_in_products(begins[-1]):
                 itself = self.errors.completed_by_states(model)
@@ -184,9 +183,15 @@ class PolynomialProblem(BasinHoppingProblem):
             begins.append(self._with_further_poles(model))
         points = np.concatenate(begins)
         values = self.values(points)
-        finite = np.isfinite(values)
-        points, values = points[finite], values[finite]
-        return points[np.argsort(values, kind="stable")]
+        order = np.argsort(values, kind="stable")
+        return points[order[np.isfinite(values[order])]]
+
+    def _plants_of_one_optimum(self) -> list[list[Array]]:
+        """The ARX denominator, where least squares give the only optimum; or nothing."""
+        o, radius = self.errors.orders, self.errors.plant_radius
+        quadratic = self.errors.objective == "quadratic" and not (o.nc or o.nd or any(o.nf))
+        plants = list(islice(self._plants(), int(quadratic)))
+        return [p for p in plants if np.abs(np.roots([1.0, *p[0]])).max(initial=0.0) < radius]
 
     def _is_lost_in_products(self, points: Array) -> bool:
         """Whether B and states of a point may be: columns of finely sampled poles hardly differ."""
@@ -197,8 +202,7 @@ class PolynomialProblem(BasinHoppingProblem):
         return bool(nearly_dependent(matrices, damped_inverses(matrices)).any())
 
     def lowest_estimates(self, count: int, slow: bool = False) -> tuple[Array, int]:
-        """Points of the lowest of the estimates by linear algebra, and their evaluations; of those
-        for poles near 1 where ``slow``."""
+        """Points of the lowest of the estimates, or those of slow poles, and their evaluations."""
         points, used = self._of_slow_poles() if slow else self.estimates
         values = self.values(points)
         lowest = np.argsort(values, kind="stable")[:count]
