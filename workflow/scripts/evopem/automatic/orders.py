@@ -46,7 +46,8 @@ PATHS: Mapping[str, Mapping[str, Sequence[int]]] = {
 }
 PATIENCE = 3
 ROUNDS = 2  # over the orders of a model that is refined
-# The BIC of one-step and of simulation errors must fall by this much to count as a gain.
+# The BIC of one-step or of simulation errors must fall by this much to count as a gain, or of
+# models with F both by the first of these.
 LEAST_GAINS = 0.002, 0.01
 # Samples times parameters of all candidates of a structure, and of a refinement: the cost of a fit
 # with its folds is about proportional to it.  Long records stop at lower orders.
@@ -83,15 +84,19 @@ def _along_path(
     path: Iterable[list[Orders]],
     log: Log | None,
 ) -> list[Candidate]:
-    """Candidates of polynomials, as long as one of their criteria falls."""
+    """Candidates of polynomials, as long as one criterion falls, or both of models with F."""
     candidates: list[Candidate] = []
+    known = list(chain(*(search.candidates for search in smaller.values())))
     without_gain, work, lowest = 0, 0, [np.inf, np.inf]
     previous: list[PolynomialModel] = []
     for orders_of_step in scorer.limits.within(structure, path):
         tried: list[Candidate] = []
         for orders in orders_of_step:
-            starts = [*previous, *_same_plant(orders, smaller)]
-            candidate = scorer.candidate(structure, orders, starts, scored=False)
+            # The first output-error model of a step is a special case of the second.
+            nested = tried if structure in OF_SIMULATION else []
+            same_plant = [c for c in known if c.orders.poles == orders.poles]
+            starts = [*previous, *map(_polynomials, [*same_plant, *nested])]
+            candidate = scorer.candidate(structure, orders, starts, not nested, scored=False)
             if candidate is not None:
                 tried.append(candidate)
                 if log is not None:
@@ -103,12 +108,14 @@ def _along_path(
         likeliest = min(tried, key=BIC)
         previous = [_polynomials(likeliest)]
         reached = [min(map(criterion, tried)) for criterion in (BIC, SIMULATION_BIC)]
-        gained = any(
-            new < old - least for new, old, least in zip(reached, lowest, LEAST_GAINS, strict=True)
-        )
+        falls = np.array([old - new for old, new in zip(lowest, reached, strict=True)])
+        # Poles of F alone that draw noise or slow drifts lower one of the two criteria.
+        needed, least = (all, LEAST_GAINS[0]) if any(likeliest.orders.nf) else (any, LEAST_GAINS)
+        gained = needed(falls > least)
         lowest = list(map(min, reached, lowest))
         without_gain = 0 if gained else without_gain + 1
-        if without_gain >= PATIENCE or work >= MOST_WORK:
+        large_steps = likeliest.orders.poles > SINGLE_STEPS
+        if without_gain >= PATIENCE - large_steps or work >= MOST_WORK:
             break
     return candidates
 
@@ -209,12 +216,6 @@ def orders_of_size(form: str, n: int, delays: Sequence[int]) -> list[Orders]:
         FINITE: lambda: [o(n, nc=2), o(n, nc=2, nd=1)],
         "general": lambda: [o(n, na=1, nc=min(n, 4), nd=min(n, 4), nf=n)],
     }[form]()
-
-
-def _same_plant(orders: Orders, smaller: Mapping[str, StructureSearch]) -> list[PolynomialModel]:
-    """Models of nested structures with as many poles."""
-    nested = chain(*(search.candidates for search in smaller.values()))
-    return [_polynomials(c) for c in nested if c.orders.poles == orders.poles]
 
 
 def _polynomials(candidate: Candidate) -> PolynomialModel:
