@@ -1,6 +1,7 @@
 """The automatic recipe as a whole, against known truths."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from unittest.mock import Mock
 
 import numpy as np
@@ -10,8 +11,13 @@ from scipy.signal import lfilter
 
 import evopem
 from evopem.automatic import candidates, structures
-from evopem.automatic.candidates import OrderLimits, Scorer, StructureSearch
-from evopem.automatic.cross_validation.folds import FoldPlan, decide_folds, decide_repetition
+from evopem.automatic.candidates import Candidate, OrderLimits, Scorer, StructureSearch
+from evopem.automatic.cross_validation.folds import (
+    FoldPlan,
+    HeldOutScores,
+    decide_folds,
+    decide_repetition,
+)
 from evopem.automatic.cross_validation.simulation import simulated
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import CommonSettings
@@ -22,6 +28,7 @@ from evopem.errors import NoModelError
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 from evopem.models.orders import Orders
+from evopem.models.polynomial import model_of
 from evopem.notebook.estimate import estimate
 from evopem.pipeline import complete_model
 from evopem.signals.recording import Segment
@@ -163,6 +170,50 @@ def test_candidates_far_behind_are_not_scored_on_held_out_samples():
     everything = map(scorer.scored, tried)
     lowest = min(each.scores.simulation for each in everything)
     assert min(each.scores.simulation for each in scored) < 1.02 * lowest
+
+
+def test_candidates_that_fit_with_twice_the_error_are_not_scored(monkeypatch):
+    u, y, _ = output_error_record(300)
+    scorer = Scorer([Segment(u, y)], decide_folds([Segment(u, y)]), CommonSettings(), delays=(1,))
+    found = [scorer.candidate("fir", Orders(nb=n, nk=1), scored=False) for n in (1, 2)]
+    scored = Mock(side_effect=lambda each: replace(each, scores=HeldOutScores(1.0, 1.0, 1.0)))
+    monkeypatch.setattr(scorer, "scored", scored)
+    least = min(found, key=lambda each: each.bic).bic
+    for ratio, count in ((1.9, 3), (2.1, 2)):
+        bic = least + 2.0 * np.log(ratio)
+        far = replace(found[0], structure=f"{ratio}", bic=bic, simulation_bic=bic + 1.0)
+        assert sum(each.is_scored for each in scorer.with_scores([*found, far])) == count
+
+
+@pytest.mark.parametrize(
+    ("structure", "lowest", "lowest_simulation", "last"),
+    [
+        ("oe", 40, 3, 6),  # undamped poles draw drifts
+        ("oe", 3, 40, 6),
+        ("oe", 4, 4, 8),
+        ("armax", 20, 3, 20),
+        ("armax", 8, 8, 12),  # whose steps are large from ten poles on
+        ("armax", 5, 5, 10),
+    ],
+)
+def test_a_path_ends_where_no_order_brings_something(structure, lowest, lowest_simulation, last):
+    calls = []
+
+    def of_orders(structure, orders, starts, own_starts, scored):
+        calls.append((orders, starts, own_starts))
+        n = orders.poles
+        scores = [abs(n - best) - 0.01 * n for best in (lowest, lowest_simulation)]
+        model = model_of(orders, np.zeros(orders.parameters))
+        return Candidate(structure, n, (1,), n, *scores, HeldOutScores(), model)
+
+    scorer = SimpleNamespace(candidate=of_orders, limits=OrderLimits(), delays=(1,), samples=1)
+    scorer.plan = SimpleNamespace(late_response=0)
+    found = search_structure(scorer, structure, {})
+    assert found.orders[-1] == last
+    # The first output-error model of a step is all that the second, of which it is a case, needs.
+    for orders, starts, own_starts in calls:
+        nested = [s for s in starts if s.orders.poles == orders.poles]
+        assert own_starts == (not nested) == (orders.nk == (1,))
 
 
 def test_a_candidate_that_is_scored_late_stands_once_among_the_others(monkeypatch):

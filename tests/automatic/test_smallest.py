@@ -16,6 +16,7 @@ from evopem.automatic.fold_errors import (
     gain_of_nothing,
     may_be_chance,
     never_behind,
+    not_far_behind,
     regularised_unless_worse,
     simplest,
     standard_error,
@@ -287,6 +288,16 @@ def test_a_regularised_response_stands_for_a_system_that_has_no_orders(effect, i
     assert found is (response if is_taken else chosen)
     assert ("points to a nonlinear system" in sentence) == is_taken
     assert sentence.endswith(f"not clearly worse than {chosen.name}.") == is_taken
+
+
+@pytest.mark.parametrize("structure", ["impulse", "oe", "arx", "fir"])
+def test_simple_models_but_a_gain_may_be_too_far_behind_for_scores(structure):
+    for ratio, is_behind in ((2.1, True), (1.9, False)):
+        loss = 2.0 * float(np.log(ratio))
+        simple = replace(candidate(60), structure=structure, simulation_bic=loss)
+        kept = [] if is_behind and structure != "fir" else [simple]
+        assert not_far_behind(scorer_of([]), [simple], [candidate(8)]) == kept
+    assert not_far_behind(scorer_of([]), [simple], []) == [simple]
 
 
 def test_sizes_of_residuals_that_follow_the_input_are_what_a_linear_model_misses():

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import stdtrit
 
-from evopem.automatic.candidates import BIC, Candidate, Score, Scorer
+from evopem.automatic.candidates import BIC, TWICE, Candidate, Score, Scorer
 from evopem.automatic.cross_validation.folds import held_out_scores
 from evopem.config.structures import REGULARISED
 from evopem.models.orders import Orders
@@ -87,6 +87,19 @@ def simplest(candidates: Sequence[Candidate]) -> list[Candidate]:
     kept = [c for c in candidates if (c.structure, c.order) in (("fir", 1), ("oe", 1), ("oe", 2))]
     kept += sorted((c for c in candidates if c.structure == "arx"), key=BIC)[:1]
     return kept + [c for c in candidates if c.structure in REGULARISED]
+
+
+def not_far_behind(
+    scorer: Scorer, candidates: Sequence[Candidate], scored: Sequence[Candidate]
+) -> list[Candidate]:
+    """Gains, and those that simulate what they are fitted to with less than twice the error of
+    the best of others, which are scored."""
+
+    def loss(candidate: Candidate) -> float:
+        return candidate.simulation_bic - scorer.penalty(candidate.parameters)
+
+    most = loss(min(scored, key=score_of("fitted_level"))) + TWICE if scored else np.inf
+    return [c for c in candidates if c.structure == "fir" or not loss(c) > most]
 
 
 def gain_of_nothing(

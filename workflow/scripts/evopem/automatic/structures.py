@@ -25,6 +25,7 @@ from evopem.automatic.fold_errors import (
     gain_of_nothing,
     may_be_chance,
     never_behind,
+    not_far_behind,
     parametric,
     regularised_unless_worse,
     score_of,
@@ -110,9 +111,9 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     """
     eligible = [candidate for search in searches for candidate in _eligible(search)]
     others = [c for search in searches for c in search.candidates if c not in eligible]
-    for candidate in simplest(eligible):
-        scorer.with_own_scores(candidate)
     scored = scorer.with_scores(parametric(eligible))
+    for candidate in not_far_behind(scorer, simplest(eligible), scored):
+        scorer.with_own_scores(candidate)
     candidates = [*dict.fromkeys(map(scorer.known, [*scored, *eligible])), *others]
     if not candidates:
         if all(search.too_short for search in searches):
