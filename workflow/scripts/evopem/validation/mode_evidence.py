@@ -29,9 +29,10 @@ from evopem.models.response_tables import Column, shaped_modes_table
 from evopem.signals.recording import Recording
 from evopem.validation.held_out_tests import NO_TEST, SIGNIFICANCE, HeldOutTest
 from evopem.validation.modal_parts import (
-    KNOWN_DAMPING,
+    CLEAR_RESPONSE,
     ModeTests,
     held_out_mode_tests,
+    is_clear,
     is_short,
     keeps_half,
     outlasting_test,
@@ -216,9 +217,10 @@ def table_of_models(
     poles = stabilization({order: model.modes for order, model in by_order.items()}, row_of)
     trusted = [row for row in judged if row.trusted]
     for row in trusted:
-        # The pole of a drift outlasts a finite response, whatever those that are trusted describe.
+        # A pole of a drift, or of what an input drives clearly, vouches for no other one.
         beside = [neighbour.mode for neighbour in trusted if row.order in neighbour.orders]
-        if is_short(by_order[row.order].model, beside):
+        clear = not row.has_input or row.input_test.statistic >= CLEAR_RESPONSE
+        if is_short(by_order[row.order].model, beside if clear else [row.mode]):
             judged[judged.index(row)] = replace(row, doubts=(FINITE,))
     rows = _with_pairs(judged, by_order, row_of)
     shapes = [row.mode.shape for row in rows]
@@ -345,9 +347,7 @@ def doubts(
         )
     if decay <= NO_DECAY:
         reasons.append("does not decay")
-    elif decay * samples < 1.0 and not (
-        evidence.reached and mode.damping_ratio >= KNOWN_DAMPING * mode.damping_se
-    ):
+    elif decay * samples < 1.0 and not (evidence.reached and is_clear(mode, evidence.input_test)):
         reasons.append("hardly decays within the record")
     if finite:
         reasons.append(FINITE)
