@@ -261,6 +261,13 @@ def test_one_of_the_simplest_that_is_clearly_better_takes_the_place_of_a_choice(
     assert ("one of the simplest models" in sentence) == is_taken
 
 
+def test_one_of_the_simplest_without_scores_takes_the_place_of_none():
+    chosen, simple = candidate(8), replace(candidate(1), scores=HeldOutScores())
+    given = [chosen, simple], "simulation", chosen, "It is likely.", lambda _: 0
+    with np.errstate(all="raise"):
+        assert never_behind(*given) == (chosen, "It is likely.")
+
+
 def test_the_simplest_are_gain_small_output_error_models_arx_and_regularised_responses():
     gain, *responses = (
         replace(candidate(n), structure=name)

@@ -158,7 +158,7 @@ def never_behind(
     whose noise moves the plant's states know more of them than others where a simulation begins.
     """
     score = score_of(kind)
-    best = min(simplest(candidates), key=score, default=chosen)
+    best = min([c for c in simplest(candidates) if c.is_scored], key=score, default=chosen)
     if best is chosen or not is_clearly_better(best, chosen, kind):
         return chosen, sentence
     near = np.log(score(chosen) / score(best)) <= AS_GOOD
