@@ -13,6 +13,7 @@ from evopem.automatic.cross_validation.folds import HeldOutScores, decide_folds
 from evopem.automatic.fit import CommonSettings
 from evopem.automatic.fold_errors import (
     as_good,
+    coloured_bic,
     gain_of_nothing,
     may_be_chance,
     never_behind,
@@ -97,6 +98,17 @@ def test_one_step_errors_do_not_decide_where_residuals_depend_on_the_input(of_al
     """A response that lacks a part is no likelier for its noise model."""
     likely, simulates = replace(candidate(8), simulation_bic=1.0), replace(candidate(12), bic=1.0)
     assert chosen(likely, simulates, of_all=of_all)[0] is (simulates if of_all else likely)
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.9])
+def test_coloured_errors_of_simulations_count_as_fewer_independent_ones(pole):
+    u, e = np.random.default_rng(3).standard_normal((2, 4000))
+    stretches = [Segment(u, u + lfilter([1.0], [1.0, -pole], e))]
+    scorer = Scorer(stretches, decide_folds(stretches), CommonSettings())
+    gain = scorer.candidate("fir", Orders(nb=1), scored=False)
+    score = coloured_bic(scorer, gain)
+    share = score(replace(gain, simulation_bic=gain.simulation_bic + 1.0)) - score(gain)
+    assert share == pytest.approx((1.0 - pole**2) / (1.0 + pole**2), rel=0.2)
 
 
 @pytest.mark.parametrize("of_all", [(), (INDEPENDENT_OF_INPUT,)])

@@ -7,12 +7,14 @@ from typing import Literal
 import numpy as np
 from scipy.special import stdtrit
 
-from evopem.automatic.candidates import BIC, TWICE, Candidate, Score, Scorer
+from evopem.automatic.candidates import BIC, SIMULATION_BIC, TWICE, Candidate, Score, Scorer
 from evopem.automatic.cross_validation.folds import held_out_scores
+from evopem.automatic.cross_validation.simulation import errors_simulated_on
 from evopem.config.structures import REGULARISED
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment
+from evopem.signals.spectra import autocorrelation
 
 Kind = Literal["simulation", "fitted_level", "prediction"]
 # Models within so many standard errors of the lowest error, and within this share, are as good.
@@ -74,6 +76,22 @@ def may_be_chance(candidate: Candidate, best: Candidate, kind: Kind) -> bool:
     error = standard_error(candidate, best, kind)
     logarithm = np.log(score_of(kind)(candidate) / score_of(kind)(best))
     return bool(np.isfinite(error) and logarithm < -stdtrit(freedom, LARGER_BY_CHANCE) * error)
+
+
+def coloured_bic(scorer: Scorer, candidate: Candidate) -> Score:
+    """The BIC of simulation errors that count as the independent ones they are (Bartlett 1946)."""
+    stretch, samples = max(scorer.stretches, key=lambda s: s.samples), scorer.independent_samples
+    e = errors_simulated_on(candidate.model, None, stretch, True, scorer.absolute)
+    correlations = [autocorrelation(x, len(x) // 10)[1:] for x in e.T]
+    squares = max(float(np.sum(rho**2 - 1.0 / len(e))) for rho in correlations)
+    share = 1.0 / (1.0 + 2.0 * max(squares, 0.0))
+
+    def score(rival: Candidate) -> float:
+        loss = rival.simulation_bic - scorer.penalty(rival.parameters)
+        penalty = rival.parameters * np.log(max(share * samples, 2.0)) / samples
+        return float(share * loss + penalty)
+
+    return score if np.isfinite(share) else SIMULATION_BIC
 
 
 def parametric(candidates: Sequence[Candidate]) -> Sequence[Candidate]:

@@ -22,6 +22,7 @@ from evopem.automatic.fold_errors import (
     STRONG,
     Kind,
     as_good,
+    coloured_bic,
     gain_of_nothing,
     may_be_chance,
     never_behind,
@@ -326,7 +327,8 @@ def _smallest_as_good(
         checks = scorer.checks(chosen)
         if checks.whiteness < BY_CHANCE or INDEPENDENT_OF_INPUT in checks.failed:
             # No model of these describes noise or plant: one-step errors say little of the latter.
-            errors, chosen = "simulation", _smallest(scorer, equal, SIMULATION_BIC)
+            likeliest = min(equal, key=SIMULATION_BIC)
+            errors, chosen = "simulation", _smallest(scorer, equal, coloured_bic(scorer, likeliest))
     if chosen is best:
         return best, f"{best.name} {does} held-out samples with the lowest error."
     within = "two standard errors" if chosen in equal else "one standard error"
