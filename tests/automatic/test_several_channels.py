@@ -280,7 +280,8 @@ def recording(a=TWO_MODES, delay=1, samples=600, seed=2):
 
 def searched(estimation, orders, delays=(1, 1), **ranges):
     scorer = scorer_of(estimation.segments, delays, nx=orders, **ranges)
-    return scorer, scorer.with_scores(search_structure(scorer, "ss", {}).candidates)
+    found = search_structure(scorer, "ss", {}).candidates
+    return scorer, list(map(scorer.with_own_scores, found))
 
 
 def choice_of(candidates, order):

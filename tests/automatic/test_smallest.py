@@ -352,6 +352,29 @@ def test_what_a_linear_model_misses_calls_for_a_regularised_response(gain, follo
     assert found is (response if is_response else chosen)
 
 
+def compared(monkeypatch, *models):
+    """The comparison of models with scores and without, none of which are refined."""
+
+    def with_own_scores(each):
+        return each if each.is_scored else replace(each, scores=models[0].scores)
+
+    scorer = scorer_of(models)
+    scorer.known = scorer.on_all_samples = lambda each: each
+    scorer.has_input, scorer.with_scores, scorer.remember = True, list, list
+    scorer.settings, scorer.with_own_scores = CommonSettings(), with_own_scores
+    monkeypatch.setattr(structures, "refine_orders", lambda *_: [])
+    monkeypatch.setattr(structures, "gain_of_nothing", lambda *_: None)
+    decision = structures.Decision("orders", "", (), "", "")
+    searches = [StructureSearch(each.structure, (each,), decision) for each in models]
+    return compare_structures(scorer, searches)
+
+
+def test_the_model_for_modes_has_the_scores_that_revisions_compare(monkeypatch):
+    of_modes = replace(candidate(9, evidence=-2.0), scores=HeldOutScores())
+    choice = compared(monkeypatch, candidate(8), of_modes).choice("modes")
+    assert (choice.candidate.parameters, choice.candidate.is_scored) == (9, True)
+
+
 @pytest.mark.parametrize(("prediction", "is_left"), [(1.4, False), (1.6, True)])
 def test_a_noise_model_that_makes_held_out_errors_half_as_large_again_is_refuted(
     monkeypatch, prediction, is_left
@@ -360,16 +383,7 @@ def test_a_noise_model_that_makes_held_out_errors_half_as_large_again_is_refuted
     sound, found = candidate(9), candidate(8, (-0.3,) * 5, evidence=-100.0)
     scores = replace(found.scores, prediction=prediction * found.scores.simulation)
     found = replace(found, structure="bj", scores=scores)
-    scorer = scorer_of((sound, found))
-    for name in ("known", "with_own_scores", "on_all_samples"):
-        setattr(scorer, name, lambda each: each)
-    scorer.has_input, scorer.with_scores, scorer.remember = True, list, list
-    scorer.settings = CommonSettings()
-    monkeypatch.setattr(structures, "refine_orders", lambda *_: [])
-    monkeypatch.setattr(structures, "gain_of_nothing", lambda *_: None)
-    decision = structures.Decision("orders", "", (), "", "")
-    searches = [StructureSearch(each.structure, (each,), decision) for each in (sound, found)]
-    comparison = compare_structures(scorer, searches)
+    comparison = compared(monkeypatch, sound, found)
     for purpose in ("simulation", "modes"):
         assert comparison.choice(purpose).candidate is (sound if is_left else found)
     said = [d for d in comparison.decisions if d.subject == "refuted noise models"]

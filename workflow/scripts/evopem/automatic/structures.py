@@ -146,7 +146,7 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     searched = parametric(candidates)
     prediction, sentence = _smallest_as_good(scorer, searched, "prediction")
     choices.append(Choice("prediction", scorer.on_all_samples(prediction), "constant"))
-    modes = min([c for c in searched if c.has_poles] or searched, key=BIC)
+    modes = scorer.with_own_scores(min([c for c in searched if c.has_poles] or searched, key=BIC))
     choices.append(Choice("modes", scorer.on_all_samples(modes), "constant"))
     decisions += [
         _named(
