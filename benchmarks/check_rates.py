@@ -360,12 +360,19 @@ def others(pool: Executor, records: int) -> None:
     write_section(
         "checks",
         "Other statistics",
-        "Spectra of the two parts of a split are called not comparable in at most "
-        f"{steady} of {records} records of each of seven stationary inputs, in {sweep} of "
-        f"{records} of one sweep\ncut in time. With models (7,7,7,nk) of ARMAX(7,6,7,3) BIC finds "
-        f"the delay in {right:.0f} % of {count} records; after its refinement all orders\nare "
-        f"exact in {exact:.0f} %.",
+        "In percent, but for the first two.",
         COMMAND,
+        ("statistic", "rate"),
+        [
+            (
+                "spectra of the two parts of a split not comparable, at most, of seven stationary "
+                "inputs",
+                f"{steady} of {records}",
+            ),
+            ("the same, one sweep cut in time", f"{sweep} of {records}"),
+            (f"delay by BIC, models (7,7,7,nk) of ARMAX(7,6,7,3), {count} records", f"{right:.0f}"),
+            ("all orders exact after its refinement", f"{exact:.0f}"),
+        ],
     )
 
 

@@ -204,6 +204,17 @@ def test_a_mode_forty_decibels_below_the_output_or_slower_than_the_record_is_not
     assert not is_doubted(0.0008, 12.0)
 
 
+@pytest.mark.parametrize(("statistic", "doubted"), [(9.9, 2), (10.0, 0), (np.nan, 2)])
+def test_a_mode_that_the_input_drives_clearly_needs_no_other_orders(statistic, doubted):
+    (judged,) = table_of_models(
+        [OrderModel.of(2, 0.0, PolynomialModel(np.ones(1), np.ones(1), F=factor(OF_INPUT)))], 2
+    ).modes
+    test = replace(judged.input_test, statistic=statistic)
+    alone = replace(judged, input_test=test, recurrence=0.5, compared=4, confirmed=False)
+    said = " ".join(reasons(alone, RATE))
+    assert ("other orders" in said) + ("there is no larger one" in said) == doubted
+
+
 def test_a_mode_that_decays_within_the_estimation_samples_outlasts_no_record():
     """However few the validation samples of another recording are."""
     model = PolynomialModel(np.ones(1), np.ones(1), F=factor(pole(10.0, 0.02)), sampling_rate=RATE)

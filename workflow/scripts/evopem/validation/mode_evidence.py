@@ -327,12 +327,12 @@ def doubts(
     """Reasons to doubt a mode, each a predicate such as "decays too fast to be a resonance".
 
     A mode is trusted when there is none: it is an underdamped resonance below half the sampling
-    rate that decays within the longest stretch of ``samples``, or is reached by the inputs and has
-    a known damping; the inputs drive it or the noise model needs it on held-out samples, with power
-    to speak of; three quarters of the models of other orders have it, all of the last three where
-    the largest was chosen; and its frequency is known to within 10 %, or the bandwidth.  Without an
-    input, one of more than 3 % damping has a known shape.  ``finite``: whether the response may be
-    a finite one, which has no modes.
+    rate that decays within the longest stretch of ``samples``, or is reached by the inputs, clearly
+    or with a known damping; the inputs drive it or the noise model needs it on held-out samples,
+    with power to speak of; the inputs drive it clearly, or three quarters of the models of other
+    orders have it, all of the last three where the largest was chosen; and its frequency is known
+    to within 10 %, or the bandwidth.  Without an input, one of more than 3 % damping has a known
+    shape.  ``finite``: whether the response may be a finite one, which has no modes.
     """
     mode, reasons = evidence.mode, []
     decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
@@ -361,7 +361,7 @@ def doubts(
         )
     elif evidence.origin == "not judged":
         reasons.append("could not be tested: few samples judge it, or without power there")
-    if evidence.stable is False:
+    if evidence.stable is False and not evidence.input_test.statistic >= CLEAR_RESPONSE:
         of_them = round(evidence.recurrence * evidence.compared)
         others = len(evidence.orders) - 1 - of_them
         few = f"only {of_them}" if of_them else "none"
@@ -371,7 +371,7 @@ def doubts(
         reasons.append(
             f"{alone if evidence.compared == 1 else sharing} its frequency and damping{more}"
         )
-    if not evidence.confirmed:
+    if not (evidence.confirmed or evidence.input_test.statistic >= CLEAR_RESPONSE):
         reasons.append(
             f"is not in all of the last orders, up to {PERSISTENT_ORDERS}; there is no larger one"
         )
