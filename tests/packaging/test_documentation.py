@@ -199,3 +199,11 @@ def test_every_exception_is_still_there():
     used = {block.found_in([*ELSEWHERE, *NOT_RUN]) for block in everything}
     assert used - {None} == {*ELSEWHERE, *NOT_RUN}
     assert [file for file in ELSEWHERE.values() if not (ROOT / file).is_file()] == []
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_tables_have_a_blank_line_before_them(page):
+    """Without one the site shows their source."""
+    text = re.sub(r"^```.*?^```", "", (ROOT / page).read_text("utf-8"), flags=re.M | re.S)
+    tables = [part for part in text.split("\n\n") if re.search(r"^\|[ :]*--", part, re.M)]
+    assert [part for part in tables if not re.match(r"\s*\|.*\n\|[ :]*--", part)] == []
