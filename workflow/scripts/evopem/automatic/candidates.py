@@ -39,7 +39,7 @@ SAMPLES_PER_PARAMETER = 8
 # An error must fall by this share to count as a gain; candidates are scored on folds until so many
 # in a row bring none: about a quarter of them, with the lowest errors of all.
 GAIN, SCORED_IN_VAIN = 0.005, 6
-TWICE = 2.0 * float(np.log(2.0))  # the difference of losses of errors twice as large
+TWICE = 2.0 * float(np.log(2.0))  # what twice the error adds to the loss of an output
 
 
 @dataclass(frozen=True)
@@ -288,8 +288,8 @@ class Scorer:
     def with_scores(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Candidates, of which those that may win have scores on held-out samples.
 
-        By ascending BIC, and by that of simulations, until so many in a row lower no error, or
-        errors on the samples that were fitted are twice the lowest.
+        By ascending BIC, and by that of simulations, until so many in a row lower no error, or the
+        criterion is above the lowest by what errors twice as large add.
         """
         scored: dict[Candidate, Candidate] = {}
         for criterion in (BIC, SIMULATION_BIC) if self.has_input else (BIC,):

@@ -38,8 +38,9 @@ HALF = 0.5
 # such modes on 175 random records, most of them with tones or drifts, 14 of 37 with less than two
 # were false, 1 of 3 with two to three, none of 6 with more; of 178 others, 8 of 46 and none of 8.
 KNOWN_DAMPING = 3.0
-# Student's t of the response to the inputs at which it may as well: in 450 records with tones and
-# drifts that the rule was not made with, 10 true modes and 2 tones of 590 trusted modes.
+# Student's t of its response to the inputs from which such a mode may outlast the record, whatever
+# its damping: in 450 records with tones and drifts that the rule was not made with, 10 true modes
+# and 2 tones of 590 trusted modes.
 CLEAR_RESPONSE = 10.0
 
 

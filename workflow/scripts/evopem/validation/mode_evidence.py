@@ -217,7 +217,7 @@ def table_of_models(
     poles = stabilization({order: model.modes for order, model in by_order.items()}, row_of)
     trusted = [row for row in judged if row.trusted]
     for row in trusted:
-        # A pole of a drift, or of what an input drives clearly, vouches for no other one.
+        # Only trusted modes vouch for others, and none for one that is not driven clearly.
         beside = [neighbour.mode for neighbour in trusted if row.order in neighbour.orders]
         clear = not row.has_input or row.input_test.statistic >= CLEAR_RESPONSE
         if is_short(by_order[row.order].model, beside if clear else [row.mode]):

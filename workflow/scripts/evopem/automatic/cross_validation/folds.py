@@ -146,8 +146,11 @@ DESIGNS = ((2, 1), (5, 1), (2, 3))
 # longer, have five of them in place of nine, and two where the record is large as well.
 OF_SEVERAL, OF_LARGE = ((5, 1),), ((2, 1),)
 OF_TIME = " Of several channels, whose fits take longer, there are fewer."
-MOVING = "The parts of the record excite different bands, as a chirp does: they are interleaved."
-# For records whose excitation moves over the bands, such as a chirp.
+MOVING = (
+    "The parts of the record excite different bands, as a chirp does, or an input rests in some of"
+    " them: they are interleaved."
+)
+# For records whose excitation moves over the bands, such as a chirp, or pauses.
 INTERLEAVED = ((2, 3), (2, 6))
 # For the response to a single blow.
 OF_RESPONSE = ((2, 1), (5, 1))
@@ -335,7 +338,7 @@ def _errors_on(model: Model, before: Segment, stretch: Segment, absolute: bool) 
 def _overlap(folds: Sequence[Fold]) -> float:
     """Smallest share of a held-out input spectrum that the training part has as well.
 
-    None of it where an input of the training part nearly rests, as all do but for a single blow.
+    0 where an input nearly rests in the training part, as all inputs do after a single blow.
     """
     return min(
         float(np.minimum(_spectrum(fold.held_out), _spectrum(fold.training)).sum())
