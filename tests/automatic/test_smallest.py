@@ -242,6 +242,18 @@ def test_residuals_that_are_fed_back_to_the_input_may_depend_on_it(
     assert choice is None or "fed back" in choice[1]
 
 
+@pytest.mark.parametrize("p_value", [1e-6, 0.5])
+def test_no_simple_model_takes_the_place_of_a_valid_one_under_feedback(monkeypatch, p_value):
+    """There it simulates held-out samples better than the true one, which noise moves."""
+    likeliest, simple = candidate(12, (0.1,) * 5), replace(candidate(1, evidence=40.0), order=1)
+    feedback = SimpleNamespace(share=0.1, p_value=p_value)
+    monkeypatch.setattr(structures, "feedback_test", lambda *_: feedback)
+    monkeypatch.setattr(structures, "_misses_response", lambda *_: False)
+    monkeypatch.setattr(structures, "gain_of_nothing", lambda *_: None)
+    found, _ = _for_simulation(scorer_of((likeliest, simple)), [likeliest, simple], "simulation")
+    assert found is (likeliest if p_value < 0.001 else simple)
+
+
 @pytest.mark.parametrize("check", [INDEPENDENT_OF_INPUT, INSIDE_BOUND])
 def test_a_likely_model_is_not_taken_for_its_likelihood_where_that_says_little(check):
     """Of a root at the bound the largest likelihood is no inner one."""

@@ -219,11 +219,14 @@ def _for_simulation(
 ) -> tuple[Candidate, Decision]:
     score, searched = score_of(kind), parametric(candidates)
     best = min(candidates, key=score)
-    choice = _by_likelihood(scorer, searched, kind, best)
-    choice = choice or _smallest_as_good(scorer, searched, kind)
-    choice = never_behind(candidates, kind, *choice, lambda c: len(scorer.checks(c).failed))
     likeliest = min(searched, key=BIC)
-    if _misses_response(scorer, likeliest) and not _is_fed_back(scorer, likeliest):
+    is_fed_back = _is_fed_back(scorer, likeliest)
+    likely = _by_likelihood(scorer, searched, kind, best)
+    choice = likely or _smallest_as_good(scorer, searched, kind)
+    # Under feedback models without noise have the lowest simulation errors, and a wrong response.
+    if not (is_fed_back and likely):
+        choice = never_behind(candidates, kind, *choice, lambda c: len(scorer.checks(c).failed))
+    if not is_fed_back and _misses_response(scorer, likeliest):
         choice = regularised_unless_worse(candidates, kind, *choice)
     chosen, sentence = gain_of_nothing(scorer, candidates, kind, choice[0]) or choice
     criterion = "simulation error on held-out samples, %"
