@@ -172,19 +172,6 @@ def test_candidates_far_behind_are_not_scored_on_held_out_samples():
     assert min(each.scores.simulation for each in scored) < 1.02 * lowest
 
 
-def test_candidates_that_fit_with_twice_the_error_are_not_scored(monkeypatch):
-    u, y, _ = output_error_record(300)
-    scorer = Scorer([Segment(u, y)], decide_folds([Segment(u, y)]), CommonSettings(), delays=(1,))
-    found = [scorer.candidate("fir", Orders(nb=n, nk=1), scored=False) for n in (1, 2)]
-    scored = Mock(side_effect=lambda each: replace(each, scores=HeldOutScores(1.0, 1.0, 1.0)))
-    monkeypatch.setattr(scorer, "scored", scored)
-    least = min(found, key=lambda each: each.bic).bic
-    for ratio, count in ((1.9, 3), (2.1, 2)):
-        bic = least + 2.0 * np.log(ratio)
-        far = replace(found[0], structure=f"{ratio}", bic=bic, simulation_bic=bic + 1.0)
-        assert sum(each.is_scored for each in scorer.with_scores([*found, far])) == count
-
-
 @pytest.mark.parametrize(
     ("structure", "lowest", "lowest_simulation", "last"),
     [

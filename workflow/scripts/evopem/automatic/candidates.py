@@ -39,7 +39,6 @@ SAMPLES_PER_PARAMETER = 8
 # An error must fall by this share to count as a gain; candidates are scored on folds until so many
 # in a row bring none: about a quarter of them, with the lowest errors of all.
 GAIN, SCORED_IN_VAIN = 0.005, 6
-TWICE = 2.0 * float(np.log(2.0))  # what twice the error adds to the loss of an output
 
 
 @dataclass(frozen=True)
@@ -294,15 +293,14 @@ class Scorer:
         scored: dict[Candidate, Candidate] = {}
         for criterion in (BIC, SIMULATION_BIC) if self.has_input else (BIC,):
             lowest, without_gain = dict.fromkeys(KINDS, np.inf), 0
-            least = min(map(criterion, candidates), default=np.inf)
             for candidate in sorted(candidates, key=criterion):
-                if without_gain >= SCORED_IN_VAIN or criterion(candidate) > least + TWICE:
-                    break
                 scored[candidate] = self.with_own_scores(candidate)
                 errors = {kind: getattr(scored[candidate].scores, kind) for kind in KINDS}
                 gained = any(errors[kind] < (1.0 - GAIN) * lowest[kind] for kind in KINDS)
                 lowest = {kind: min(errors[kind], lowest[kind]) for kind in KINDS}
                 without_gain = 0 if gained else without_gain + 1
+                if without_gain >= SCORED_IN_VAIN:
+                    break
         return [scored.get(candidate, candidate) for candidate in candidates]
 
     def with_own_scores(self, candidate: Candidate) -> Candidate:

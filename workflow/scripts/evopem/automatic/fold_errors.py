@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import stdtrit
 
-from evopem.automatic.candidates import BIC, SIMULATION_BIC, TWICE, Candidate, Score, Scorer
+from evopem.automatic.candidates import BIC, SIMULATION_BIC, Candidate, Score, Scorer
 from evopem.automatic.cross_validation.folds import held_out_scores
 from evopem.automatic.cross_validation.simulation import errors_simulated_on
 from evopem.config.structures import REGULARISED
@@ -26,6 +26,7 @@ LARGER_BY_CHANCE = 0.025  # probability of a larger mean difference of the folds
 CLEAR_GAIN = 0.02
 # A difference of BIC, not divided by the samples, that is strong evidence (Kass & Raftery 1995).
 STRONG = 6.0
+TWICE = 2.0 * float(np.log(2.0))  # what twice the error adds to the loss of an output
 # Orders of noise models without an input: AR, and ARMA of as many coefficients of each.
 ALONE = (1, 2, 3, 4, 8)
 # Coefficients of B of models with the same noise, of which the input may make one likelier.
