@@ -37,7 +37,7 @@ SETS: dict[str, tuple[Callable[[Path], Iterator[Record]], str, str]] = {
     "reserved": (reserved, ", reserved", f"{UNSEEN} 0.92 times and 1.6 (050f00e5)"),
     "third": (third, ", third set", f"{UNSEEN} 1.00 times and 2.4 (480697e7)"),
     "fourth": (fourth, ", fourth set", f"{UNSEEN} 1.37 times and 2.2 (e0c31340)"),
-    "fifth": (fifth, ", fifth set", "Nothing was run before rules were complete"),
+    "fifth": (fifth, ", fifth set", f"{UNSEEN} 1.00 times and 1.9 (082daa19)"),
 }
 
 
