@@ -191,10 +191,7 @@ def damped_step(hessian: Array, gradient: Array, damping: float, *limits: Array)
     if limits and (excess := limits[0] @ step - limits[1]).max(initial=0.0) > 0.0:
         along = np.vstack([-dtrtrs(factor, limits[0].T, lower=True)[0], excess])
         target = np.append(np.zeros(len(step)), 1.0)
-        try:
-            left = along @ nnls(along, target)[0] - target
-        except RuntimeError:  # Too many changes of active bounds: a more damped step has fewer.
-            return None
+        left = along @ nnls(along, target)[0] - target
         step = step - dtrtrs(factor, left[:-1] / left[-1], lower=True, trans=1)[0]
     return np.asarray(step)
 
