@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from scipy.linalg.lapack import dposv, dtrtrs
-from scipy.optimize import nnls
+from scipy.linalg.lapack import dposv
 
 from evopem.arrays import Array, Indices
 
@@ -69,9 +68,8 @@ class Squares(Descended, Protocol):
     def criterion(self, covariance: Array) -> float:
         """Criterion of errors."""
 
-    def normal_equations(self, projection: Any) -> tuple[Array, ...]:
-        """Gradient, (n,), and Gauss-Newton Hessian, (n, n), of the criterion of the last point.
-        Then limits of a step, if any: normals of bounds, (k, n), and the most along them, (k,)."""
+    def normal_equations(self, projection: Any) -> tuple[Array, Array]:
+        """Gradient, (n,), and Gauss-Newton Hessian, (n, n), of the criterion of the last point."""
 
 
 class AbsoluteErrors(Descended, Protocol):
@@ -117,7 +115,7 @@ def descend(problem: Squares, start: Array, steps: int, tolerance: float) -> Opt
         point, projection, criterion, stable = trial, errors, new, now_stable
         return gain
 
-    def equations() -> tuple[Array, ...]:
+    def equations() -> tuple[Array, Array]:
         nonlocal evaluations
         evaluations += 1
         return problem.normal_equations(projection)
@@ -136,34 +134,32 @@ class Damping:
 
     def descend(
         self,
-        equations: Callable[[], tuple[Array, ...]],
+        equations: Callable[[], tuple[Array, Array]],
         tried: Callable[[Array], float],
         steps: int,
         tolerance: float,
     ) -> bool:
         """Take at most some steps; whether one promises less than a tenth of the tolerance, or two
-        in a row gain less than it.  ``equations``: gradient, Hessian, limits of a point."""
+        in a row gain less than it.  ``equations``: gradient and Hessian of the present point."""
         small_gains = 0
         for _ in range(steps):
-            gain = self._step(equations(), 0.1 * tolerance, tried)
+            gain = self._step(*equations(), 0.1 * tolerance, tried)
             small_gains = small_gains + 1 if gain is not None and gain < tolerance else 0
             if gain is None or small_gains >= 2:
                 return True
         return False
 
     def _step(
-        self, equations: tuple[Array, ...], least: float, tried: Callable[[Array], float]
+        self, gradient: Array, hessian: Array, least: float, tried: Callable[[Array], float]
     ) -> float | None:
         """Damp a step until it gains something, and what it gained; ``tried`` takes a step. None
         where no step promises more than ``least``, or none gains."""
-        gradient, hessian, *limits = equations
         scale = np.sqrt(np.maximum(np.diag(hessian), 0.0))
         scale = np.where(scale > 1e-12 * scale.max(initial=1e-300), scale, 1.0)
         gradient, hessian = gradient / scale, hessian / np.outer(scale, scale)
-        within = [limits[0] / scale, limits[1]] if limits else []
         multiplier = 2.0
         while self._damping <= LARGEST_DAMPING:
-            step = damped_step(hessian, gradient, self._damping, *within)
+            step = damped_step(hessian, gradient, self._damping)
             if step is not None:
                 promised = float(-(gradient @ step) - 0.5 * step @ hessian @ step)
                 if promised < least and self._damping <= FIRST_DAMPING:
@@ -179,21 +175,13 @@ class Damping:
         return None
 
 
-def damped_step(hessian: Array, gradient: Array, damping: float, *limits: Array) -> Array | None:
-    """Damped Gauss-Newton step in scaled coordinates, or None where it does not exist.
-    ``limits``: ``normals @ step <= room`` by least-distance programming (Lawson & Hanson 1974)."""
+def damped_step(hessian: Array, gradient: Array, damping: float) -> Array | None:
+    """Damped Gauss-Newton step in scaled coordinates, or None where it does not exist."""
     matrix = hessian.copy()
     # Far below the damping, this keeps free directions of the coordinates solvable.
     matrix[np.diag_indices_from(matrix)] += damping + 1e-12
-    factor, step, info = dposv(matrix, -gradient, lower=True)
-    if info != 0 or not np.isfinite(step).all():
-        return None
-    if limits and (excess := limits[0] @ step - limits[1]).max(initial=0.0) > 0.0:
-        along = np.vstack([-dtrtrs(factor, limits[0].T, lower=True)[0], excess])
-        target = np.append(np.zeros(len(step)), 1.0)
-        left = along @ nnls(along, target)[0] - target
-        step = step - dtrtrs(factor, left[:-1] / left[-1], lower=True, trans=1)[0]
-    return np.asarray(step)
+    _, step, info = dposv(matrix, -gradient, lower=True)
+    return np.asarray(step) if info == 0 and np.isfinite(step).all() else None
 
 
 def absolute_criterion(errors: Array, weighing: Weighing) -> float:

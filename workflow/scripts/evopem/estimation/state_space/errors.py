@@ -29,7 +29,6 @@ from evopem.estimation.state_space.sections import (
     inside,
     moved,
     normalised,
-    radius_limits,
     section_states,
     sections_of,
     state_matrix,
@@ -378,13 +377,11 @@ class StateSpaceErrors:
 
     def moved(self, point: Array, step: Array) -> Array:
         """A point after a step, its poles within the radius."""
-        edge = self.section_radius * (1.0 - EDGE)
-        return inside(self.layout, moved(self.layout, point, step), edge)
+        after = moved(self.layout, point, step)
+        return inside(self.layout, after, self.section_radius * (1.0 - EDGE))
 
-    def normal_equations(self, projection: Projection) -> tuple[Array, ...]:
-        """Gradient and Gauss-Newton Hessian of the criterion, s of each section held; limits."""
-        # Plants alone and models that are only compared fit more noise along the bound.
-        edge = self.radius * (1.0 - EDGE) if self.innovations and not self.forgets else np.inf
+    def normal_equations(self, projection: Projection) -> tuple[Array, Array]:
+        """Gradient and Gauss-Newton Hessian of the criterion, s of each section held."""
         signals = self.signals.derivatives(projection.sections, projection.states)
         along = projection.basis.T @ signals
         # Less their part in the space of the regressors, without another array of this size.
@@ -397,4 +394,4 @@ class StateSpaceErrors:
             projection.sections, signals.T @ signals, c.T @ weights @ c
         )
         gradient = self.signals.summed(projection.sections, -against @ (weights @ c))
-        return per_sample * gradient, hessian, *radius_limits(self.layout, projection.point, edge)
+        return per_sample * gradient, hessian

@@ -13,13 +13,15 @@ from evopem.estimation.damped_descent import Optimum, Places, descend
 from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.point_model import PointModel, ScaledModel, parameter_covariance
-from evopem.estimation.state_space.sections import largest_radius, normalised, rescaled
+from evopem.estimation.state_space.sections import inside, largest_radius, normalised, rescaled
 from evopem.estimation.state_space.starting_points import from_poles, random_poles
 from evopem.models.parameter_covariance import ParameterCovariance
 
 # Steps and tolerance of a descent of a search, and of its last one.
 STEPS, TOLERANCE = 100, 1e-7
 POLISH_STEPS, POLISH_TOLERANCE = 1000, 1e-11
+# Poles of offspring beyond the radius are moved so far inside it: descents are free to move there.
+INSIDE = 1e-6
 
 
 class ErrorProblem:
@@ -133,7 +135,8 @@ class StateSpaceProblem(ErrorProblem):
 
     def repair(self, points: Array) -> Array:
         """Move poles beyond the radius to it."""
-        return np.array([self.moved(point, np.zeros_like(point)) for point in points])
+        limit = self.plain.section_radius * (1.0 - INSIDE)
+        return np.array([inside(self.plain.layout, point, limit) for point in points])
 
     def values(self, points: Array) -> Array:
         """Objective of each row in percent, infinite where it is not feasible, (M,)."""
@@ -223,6 +226,10 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
         of_outputs = after[count:].reshape(len(self.sizes), self._regressors)
         of_outputs[:, 1 : layout.order : 2] *= rescaled(layout, point, after)[: layout.pairs]
         return after
+
+    def repair(self, points: Array) -> Array:
+        """Move poles beyond the radius to it."""
+        return np.array([self.moved(point, np.zeros_like(point)) for point in points])
 
     def completed(self, coordinates: Array) -> Array:
         """The point of some coordinates, C, D and constants of nearly the least absolute errors."""

@@ -139,8 +139,6 @@ def contracted(factors, signals, states, gram, by_state):
 # Least magnitude of delta for which s = sqrt(|delta|), which makes a section's two states of one
 # size; s stays as it is below.
 SMALLEST_DELTA = 1e-6
-# Share of the largest radius beyond which derivatives tell how far poles are from it.
-NEAR = 0.9
 
 
 @dataclass(frozen=True)
@@ -249,26 +247,10 @@ def normalised(layout: Layout, point: Array) -> Array:
 
 def largest_radius(layout: Layout, point: Array) -> float:
     """Largest radius of the poles of a point."""
-    return float(_radii(layout, point).max())
-
-
-def _radii(layout: Layout, point: Array) -> Array:
-    """Of the upper and the lower pole of each section, (2, sections); one of a complex pair."""
     sigma, delta = layout.rows(point)[:, :2].T
-    half = np.sqrt(np.abs(delta))
-    return np.where(delta < 0.0, (np.hypot(sigma, half), 0.0 * half), (half + sigma, half - sigma))
-
-
-def radius_limits(layout: Layout, point: Array, radius: float) -> tuple[Array, Array]:
-    """Derivatives of radii by a point, (k, n), and by how much they may grow, (k,)."""
-    radii = _radii(layout, point)
-    section, pole = np.nonzero((radii / radius).T > NEAR)
-    (sigma, delta), size = layout.rows(point)[section, :2].T, radii[pole, section]
-    normals, row = np.zeros((len(pole), layout.dimension)), np.arange(len(pole))
-    place, half = section * (2 + 2 * layout.drives), np.sqrt(np.where(delta > 0.0, delta, np.inf))
-    normals[row, place] = np.where(delta < 0.0, sigma / size, 1.0 - 2.0 * pole)
-    normals[row, place + 1] = 0.5 / np.where(delta < 0.0, -size, half)
-    return normals, np.maximum(radius - size, 0.0)
+    complex_ones = np.sqrt(np.maximum(sigma**2 - delta, 0.0))
+    real_ones = np.abs(sigma) + np.sqrt(np.maximum(delta, 0.0))
+    return float(np.max(np.where(delta < 0.0, complex_ones, real_ones)))
 
 
 def drawn_in(sigma: Array, delta: Array, radius: float) -> tuple[Array, Array]:
@@ -307,6 +289,16 @@ def input_matrix(sections: SectionArrays, layout: Layout) -> Array:
     """Columns by which the drives enter the states, (n, drives); derivatives as above."""
     B = np.stack([sections.b1, sections.b2], axis=1).reshape(-1, *sections.b1.shape[1:])
     return B[: layout.order]
+
+
+def with_drives(layout: Layout, point: Array, drives: slice, B: Array) -> Array:
+    """The point with other columns, (n, drives), by which some drives enter the states."""
+    point, padded = point.copy(), np.zeros((2 * layout.sections, B.shape[1]))
+    padded[: layout.order] = B
+    rows = layout.rows(point)
+    rows[:, 2 : 2 + layout.drives][:, drives] = padded[0::2]
+    rows[:, 2 + layout.drives :][:, drives] = padded[1::2]
+    return point
 
 
 class SectionSignals:

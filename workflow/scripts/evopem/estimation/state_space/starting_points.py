@@ -16,6 +16,7 @@ from evopem.estimation.state_space.sections import (
     scale_of,
     sections_of,
     state_matrix,
+    with_drives,
 )
 from evopem.models.state_space import StateSpaceModel
 
@@ -210,7 +211,7 @@ def with_initial_states(errors: StateSpaceErrors, point: Array) -> Array:
     """The point with the initial states of least squares, C, D and constants as they are."""
     layout, bounds, n = errors.layout, errors.data.bounds, errors.order
     pulses = slice(errors.signals.driving, layout.drives)
-    at_rest = _with_drives(layout, point, pulses, np.zeros((n, errors.data.segments)))
+    at_rest = with_drives(layout, point, pulses, np.zeros((n, errors.data.segments)))
     projection = errors.projection(at_rest)
     dynamics = state_matrix(projection.sections, layout)
     longest = min(int(np.diff(bounds).max()), max(200, 4 * n))
@@ -224,17 +225,7 @@ def with_initial_states(errors: StateSpaceErrors, point: Array) -> Array:
         target = projection.errors[first:stop][:longest]
         columns = free[: len(target)].reshape(target.size, n)
         states.append(np.linalg.lstsq(columns, target.ravel(), rcond=1e-6)[0])
-    return normalised(layout, _with_drives(layout, at_rest, pulses, np.array(states).T))
-
-
-def _with_drives(layout: Layout, point: Array, drives: slice, B: Array) -> Array:
-    """The point with other columns, (n, drives), by which some drives enter the states."""
-    point, padded = point.copy(), np.zeros((2 * layout.sections, B.shape[1]))
-    padded[: layout.order] = B
-    rows = layout.rows(point)
-    rows[:, 2 : 2 + layout.drives][:, drives] = padded[0::2]
-    rows[:, 2 + layout.drives :][:, drives] = padded[1::2]
-    return point
+    return normalised(layout, with_drives(layout, at_rest, pulses, np.array(states).T))
 
 
 def extended(
