@@ -29,6 +29,7 @@ from evopem.automatic.structures import (
     _for_simulation,
     _misses_response,
     _smallest_as_good,
+    _with_valid_noise,
     compare_structures,
 )
 from evopem.models.orders import Orders
@@ -362,6 +363,15 @@ def test_what_a_linear_model_misses_calls_for_a_regularised_response(gain, follo
     scorer.stretches = [Segment(u, np.concatenate([[0.0], u[:-1]]) + e)]
     found, _ = _for_simulation(scorer, [chosen, response], "simulation")
     assert found is (response if is_response else chosen)
+
+
+def test_a_model_without_errors_of_simulation_is_compared_without_a_ratio():
+    exact = replace(candidate(1), scores=HeldOutScores(0.0, 0.0, 0.0))
+    noisy = replace(candidate(8), scores=HeldOutScores(0.0, 0.0, 1.0))
+    assert _with_valid_noise([exact, candidate(4)]) == ([exact, candidate(4)], [])
+    kept, (left_out,) = _with_valid_noise([exact, noisy])
+    assert kept == [exact]
+    assert [each.score for each in left_out.alternatives] == [np.inf]
 
 
 def compared(monkeypatch, *models):

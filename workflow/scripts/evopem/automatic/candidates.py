@@ -287,8 +287,7 @@ class Scorer:
     def with_scores(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Candidates, of which those that may win have scores on held-out samples.
 
-        By ascending BIC, and by that of simulations, until so many in a row lower no error, or the
-        criterion is above the lowest by what errors twice as large add.
+        By ascending BIC, and by that of simulations, until so many in a row lower no error.
         """
         scored: dict[Candidate, Candidate] = {}
         for criterion in (BIC, SIMULATION_BIC) if self.has_input else (BIC,):

@@ -192,19 +192,21 @@ def _with_valid_noise(candidates: list[Candidate]) -> tuple[list[Candidate], lis
     All where there is none.  Many coefficients, with roots of C at the bound, fit the noise of a
     short record alone.
     """
-    ratios = [Alternative(c.name, c.scores.prediction / c.scores.simulation) for c in candidates]
-    refuted = [ratio for ratio in ratios if ratio.score > HARMFUL]
-    if len(refuted) in (0, len(candidates)):
+    kept = [c for c in candidates if not c.scores.prediction > HARMFUL * c.scores.simulation]
+    if len(kept) in (0, len(candidates)):
         return candidates, []
+    left_out = [(c.name, c.scores) for c in candidates if c not in kept]
+    refuted = tuple(
+        Alternative(name, s.prediction / s.simulation if s.simulation else np.inf)
+        for name, s in left_out
+    )
     sentence = (
         "Left out for every purpose: on held-out samples their one-step errors are more than"
         f" {HARMFUL:g} times those of simulation, so that their noise models fit noise alone."
     )
     criterion = "one-step error over simulation error on held-out samples"
     count = f"{len(refuted)} of {len(candidates)}"
-    decision = Decision("refuted noise models", count, tuple(refuted), criterion, sentence)
-    kept = [c for c, ratio in zip(candidates, ratios, strict=True) if ratio not in refuted]
-    return kept, [decision]
+    return kept, [Decision("refuted noise models", count, refuted, criterion, sentence)]
 
 
 def _finalists(candidates: Sequence[Candidate], score: Score) -> list[Candidate]:
