@@ -156,10 +156,18 @@ def test_many_recordings_have_one_job_each(count, keys, jobs):
 
 
 @pytest.mark.parametrize(
-    ("per_job", "sizes"), [(1, [1] * 40), (16, [16, 16, 8]), ("auto", [2] * 20)]
+    # By estimate a recording takes 5.4 s: six of them are half a minute, 23 two minutes.
+    ("per_job", "count", "sizes"),
+    [
+        (1, 40, [1] * 40),
+        (16, 40, [16, 16, 8]),
+        ("auto", 40, [6] * 6 + [4]),
+        ("auto", 160, [10] * 16),
+        ("auto", 480, [23] * 20 + [20]),
+    ],
 )
-def test_recordings_are_divided_into_batches_before_shards(per_job, sizes):
-    names = ", ".join(f"r{n}: {{synthesis: armax, samples: 900}}" for n in range(40))
+def test_recordings_are_divided_into_batches_before_shards(per_job, count, sizes):
+    names = ", ".join(f"r{n}: {{synthesis: armax, samples: 900}}" for n in range(count))
     keys = f"recordings_per_job: {per_job}, one_job_per: recording, report: none"
     whole = completed(f"{{datasets: {{{names}}}, {keys}}}")
     assert [len(batch) for batch in whole.batches.values()] == sizes

@@ -4,6 +4,7 @@ Memory and time of jobs follow from the size of recordings by constants that wer
 (docs/fleets.md), and grow with the number of the attempt.
 """
 
+import math
 import os
 import re
 from collections.abc import Mapping
@@ -21,8 +22,6 @@ from evopem.config.structures import phases_of
 from evopem.errors import InputError
 
 Number = Annotated[int, Field(ge=1)] | Literal["auto"]
-
-
 Names = Annotated[str, Field(min_length=1)] | Annotated[tuple[str, ...], Field(min_length=1)]
 _Structure = Annotated[str, Field(pattern="^[A-Za-z0-9_-]{1,100}$")]
 _Setups = Annotated[tuple[str, ...], Field(min_length=2)]
@@ -77,8 +76,8 @@ class Configuration:
 SECONDS_OF_A_BATCH = 120.0
 """Work of a job, by estimate, beside which the 2 s of its start are less than a fiftieth."""
 
-LEAST_BATCHES = 16
-"""So many batches, or one for each recording, keep the cores busy to the end of a run."""
+LEAST_SECONDS, LEAST_BATCHES = 30.0, 16
+"""Work beside which a start is a fifteenth; of more, so many batches keep cores busy to the end."""
 
 MANY = 10
 """From so many data sets on, one job takes a recording through all stages where nothing is said."""
@@ -130,11 +129,12 @@ def batches_of(
     """
     if per_job is None:
         return {}
-    most = max(1, len(datasets) // LEAST_BATCHES) if per_job == "auto" else per_job
+    least, longest = (LEAST_SECONDS, SECONDS_OF_A_BATCH) if per_job == "auto" else (0.0, math.inf)
+    most = len(datasets) // LEAST_BATCHES if per_job == "auto" else per_job
     batches: list[list[str]] = [[]]
     seconds = 0.0
     for name, settings in datasets.items():
-        if len(batches[-1]) >= most or (per_job == "auto" and seconds >= SECONDS_OF_A_BATCH):
+        if (len(batches[-1]) >= most and seconds >= least) or seconds >= longest:
             batches.append([])
             seconds = 0.0
         batches[-1].append(name)
@@ -145,7 +145,7 @@ def batches_of(
 MARGIN_MINUTES = 10
 """Of every job that estimates."""
 
-SECONDS_OF_RECIPE = 15.0
+SECONDS_OF_RECIPE = 5.0
 """Processor time of a short recording by the automatic recipe."""
 
 
@@ -201,7 +201,7 @@ def recording_seconds(settings: DatasetSettings) -> float:
     A few times too many samples, as of :func:`max_samples`, do no harm here.
     """
     if settings.automatic is not None:
-        return SECONDS_OF_RECIPE + 2e-3 * max_samples(settings)
+        return SECONDS_OF_RECIPE + 4e-4 * max_samples(settings)
     structure, grid = settings.order_grid.structure, settings.order_grid
     count = sum(max_candidates_per_part(phase, grid, "auto") for phase in phases_of(structure))
     return 1.0 + count * (0.05 + 6e-8 * _largest_fit(settings))
