@@ -127,8 +127,44 @@ def test_recurrence_is_the_share_of_models_that_have_the_mode():
     table = table_of_models([OrderModel.of(1, 0.0, first_order), chosen, *others], 3)
     (found,) = (each for each in table.modes if each.order == 3)
     assert (found.recurrence, found.orders) == (0.5, (3, 4, 7))
+    assert not found.elsewhere  # in one of three
     alone = table_of_models([OrderModel.of(1, 0.0, first_order), chosen], 3)
     assert np.isnan(alone.modes[0].recurrence)
+
+
+@pytest.mark.parametrize(
+    ("others", "elsewhere"),
+    [
+        ([(11.0, 0.02)], True),
+        ([(10.0, 0.06)], True),
+        ([(10.3, 0.02)], False),  # within twice the tolerance
+        ([(13.0, 0.02)], False),  # may be any mode
+        ([(11.0, 0.02), (10.1, 0.02)], False),
+        ([(11.0, 0.02), (10.1, 0.02), (10.0, 0.06)], True),
+        ([(9.1, 0.02)], False),  # the other mode of the model
+    ],
+)
+def test_a_mode_is_elsewhere_where_most_models_have_another_estimate_of_it(others, elsewhere):
+    models = [
+        OrderModel.of(
+            order,
+            0.0,
+            PolynomialModel(
+                np.ones(1), np.ones(1), F=np.convolve(f, [1.0, -0.2]), sampling_rate=RATE
+            ),
+        )
+        for order, f in enumerate(
+            [
+                np.convolve(factor(pole(10.0, 0.02)), factor(pole(9.1, 0.02))),
+                *(np.convolve(factor(pole(*mode)), np.poly([0.1, -0.1, 0.3])) for mode in others),
+            ],
+            5,
+        )
+    ]
+    rows = table_of_models(models, 5).modes
+    judged = next(row for row in rows if row.order == 5 and row.mode.frequency_hz > 9.5)
+    assert judged.compared == len(others)
+    assert judged.elsewhere is elsewhere
 
 
 def test_lower_orders_that_have_a_mode_speak_for_it():
@@ -204,15 +240,28 @@ def test_a_mode_forty_decibels_below_the_output_or_slower_than_the_record_is_not
     assert not is_doubted(0.0008, 12.0)
 
 
-@pytest.mark.parametrize(("statistic", "doubted"), [(9.9, 2), (10.0, 0), (np.nan, 2)])
-def test_a_mode_that_the_input_drives_clearly_needs_no_other_orders(statistic, doubted):
+@pytest.mark.parametrize(
+    ("statistic", "recurrence", "confirmed", "doubted"),
+    [
+        *((9.9, 0.5, True, 1), (10.0, 0.5, True, 0), (np.nan, 0.5, True, 1)),
+        *((9.9, 1.0, False, 1), (10.0, 1.0, False, 0), (10.0, 0.5, False, 2)),
+    ],
+)
+def test_a_mode_that_the_input_drives_clearly_needs_few_other_orders(
+    statistic, recurrence, confirmed, doubted
+):
     (judged,) = table_of_models(
         [OrderModel.of(2, 0.0, PolynomialModel(np.ones(1), np.ones(1), F=factor(OF_INPUT)))], 2
     ).modes
     test = replace(judged.input_test, statistic=statistic)
-    alone = replace(judged, input_test=test, recurrence=0.5, compared=4, confirmed=False)
-    said = " ".join(reasons(alone, RATE))
-    assert ("other orders" in said) + ("there is no larger one" in said) == doubted
+    alone = replace(judged, input_test=test, recurrence=recurrence, compared=4, confirmed=confirmed)
+
+    def said_of(evidence):
+        said = " ".join(reasons(evidence, RATE))
+        return ("other orders" in said) + ("there is no larger one" in said)
+
+    assert said_of(alone) == doubted
+    assert said_of(replace(alone, elsewhere=True)) == (recurrence < 0.75) + (not confirmed)
 
 
 def test_a_mode_that_decays_within_the_estimation_samples_outlasts_no_record():

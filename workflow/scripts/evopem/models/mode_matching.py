@@ -204,6 +204,36 @@ def _loss_by_noise(mode: Mode) -> float:
     return 1.0 - mode.shape_assurance if math.isfinite(mode.shape_assurance) else 0.0
 
 
+def lacks_mode(model: OrderModel, mode: Mode, group: Mapping[int, int]) -> bool:
+    """Whether a model has neither a mode nor another one that may be it, by its frequency."""
+    width = max(SAME_FREQUENCY, mode.damping_ratio) * mode.frequency_hz
+    width = max(width, STANDARD_ERRORS * np.nan_to_num(mode.frequency_se_hz, posinf=0.0))
+    near = (abs(candidate.frequency_hz - mode.frequency_hz) <= width for candidate in model.modes)
+    return model.order not in group and not any(near)
+
+
+def lies_elsewhere(
+    model: OrderModel,
+    group: Mapping[int, int],
+    groups: Sequence[Mapping[int, int]],
+    others: Sequence[OrderModel],
+) -> bool:
+    """Whether most other models with a mode near one of a model have another estimate of it.
+
+    ``group``, one of ``groups`` of :func:`cluster_modes`: the mode.  Those that are other modes of
+    the model are not compared; models without any near it say nothing.
+    """
+    mode, limit = model.modes[group[model.order]], math.log(1.0 + SAME_MODE)
+    free = [rest for rest in groups if rest is group or model.order not in rest]
+    apart = []
+    for rival in others:
+        modes = (rival.modes[rest[rival.order]] for rest in free if rival.order in rest)
+        near = [m for m in modes if abs(math.log(m.frequency_hz / mode.frequency_hz)) <= limit]
+        if near:
+            apart.append(min(mode_distance(mode, m) for m in near) > OF_RIVAL)
+    return 2 * sum(apart) > len(apart)
+
+
 Status = Literal["new", "frequency", "stable"]
 
 

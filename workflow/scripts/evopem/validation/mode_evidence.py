@@ -16,11 +16,11 @@ from evopem.arrays import Array
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
 from evopem.models.mode_matching import (
     PERSISTENT_ORDERS,
-    SAME_FREQUENCY,
-    STANDARD_ERRORS,
     OrderModel,
     PoleOfOrder,
     cluster_modes,
+    lacks_mode,
+    lies_elsewhere,
     stabilization,
 )
 from evopem.models.modes import Mode, assurance
@@ -84,6 +84,7 @@ class ModeEvidence:
     shape_doubt: str = ""  # reason not to trust its shape, see :func:`shape_doubt`
     compared: int = 0  # number of orders that the recurrence is a share of
     confirmed: bool = True  # whether there are larger orders, or the largest ones have it alike
+    elsewhere: bool = False  # whether most of these have it with another frequency or damping
     # Of a shape that is doubted: the row of the table with the neighbour whose shape spans with
     # this one a plane that is known
     pair: int | None = None
@@ -193,7 +194,8 @@ def table_of_models(
     squares: dict[int, Array] = {}  # of one-step errors of each output, their means
     judged: list[ModeEvidence] = []
     row_of: dict[tuple[int, int], int] = {}
-    for group in cluster_modes({order: model.modes for order, model in by_order.items()}):
+    groups = cluster_modes({order: model.modes for order, model in by_order.items()})
+    for group in groups:
         if chosen not in group and len(group) < PERSISTENT_ORDERS:
             continue
         order = chosen if chosen in group else min(group, key=lambda order: by_order[order].bic)
@@ -205,7 +207,7 @@ def table_of_models(
             of_model[order] = max(lengths, default=math.inf), outlasting_test(records, known)
         of_mode = tests[order][group[order]]
         mode, without = nearby.modes[group[order]], None
-        lacking = [model for model in models if model.order < order and _lacks(model, mode, group)]
+        lacking = [m for m in models if m.order < order and lacks_mode(m, mode, group)]
         if lacking and math.isfinite(of_mode[1].p_value):
             best = min(lacking, key=lambda model: model.bic)
             for model in (best, nearby):
@@ -213,7 +215,8 @@ def table_of_models(
                     squares[model.order] = _mean_squares(held_out(model.model))
             without = float(np.mean(squares[best.order] / squares[order]))
         row_of |= {(order, index): len(judged) for order, index in group.items()}
-        judged.append(_judged(nearby, group, of_mode, by_order, *of_model[order], without, chosen))
+        of_group = nearby, group, groups, of_mode, by_order
+        judged.append(_judged(*of_group, *of_model[order], without, chosen))
     poles = stabilization({order: model.modes for order, model in by_order.items()}, row_of)
     trusted = [row for row in judged if row.trusted]
     for row in trusted:
@@ -226,14 +229,6 @@ def table_of_models(
     shapes = [row.mode.shape for row in rows]
     alike = tuple(tuple(round(assurance(a, b), 12) for b in shapes) for a in shapes)
     return ModeTable(chosen, tuple(by_order), rows, tuple(poles), alike)
-
-
-def _lacks(model: OrderModel, mode: Mode, group: Mapping[int, int]) -> bool:
-    """Whether a model has neither a mode nor another one that may be it, by its frequency."""
-    width = max(SAME_FREQUENCY, mode.damping_ratio) * mode.frequency_hz
-    width = max(width, STANDARD_ERRORS * np.nan_to_num(mode.frequency_se_hz, posinf=0.0))
-    near = (abs(candidate.frequency_hz - mode.frequency_hz) <= width for candidate in model.modes)
-    return model.order not in group and not any(near)
 
 
 def _mean_squares(held_out: Sequence[HeldOut]) -> Array:
@@ -262,6 +257,7 @@ def with_noise_modes(table: ModeTable, modes: Sequence[Mode], inputs: int) -> Mo
 def _judged(
     order_model: OrderModel,
     group: Mapping[int, int],
+    groups: Sequence[Mapping[int, int]],
     tests: ModeTests,
     by_order: Mapping[int, OrderModel],
     samples: float,
@@ -278,7 +274,7 @@ def _judged(
     if needed and without is not None:
         needed = not without <= 1.0  # a smaller model may fail with errors that are not finite
     compared = [
-        model.order in group
+        model
         for model in by_order.values()
         if model.order != order_model.order
         and (model.order in group or pole_count(model.model) > 2 * len(order_model.modes))
@@ -289,9 +285,10 @@ def _judged(
         mode=mode,
         order=order_model.order,
         orders=tuple(sorted(group)),
-        recurrence=float(np.mean(compared)) if compared else math.nan,
+        recurrence=float(np.mean([m.order in group for m in compared])) if compared else math.nan,
         compared=len(compared),
         confirmed=inside or group.keys() >= set(ending),
+        elsewhere=lies_elsewhere(order_model, group, groups, compared),
         input_test=of_input,
         reached=of_input.significant(SIGNIFICANCE) if model.inputs else False,
         needed_by_noise=needed if in_noise else False,
@@ -329,12 +326,15 @@ def doubts(
     A mode is trusted when there is none: it is an underdamped resonance below half the sampling
     rate that decays within the longest stretch of ``samples``, or is reached by the inputs, clearly
     or with a known damping; the inputs drive it or the noise model needs it on held-out samples,
-    with power to speak of; the inputs drive it clearly, or three quarters of the models of other
-    orders have it, all of the last three where the largest was chosen; and its frequency is known
-    to within 10 %, or the bandwidth.  Without an input, one of more than 3 % damping has a known
-    shape.  ``finite``: whether the response may be a finite one, which has no modes.
+    with power to speak of; three quarters of the models of other orders have it, all of the last
+    three where the largest was chosen, or one of these and the inputs drive it clearly and most
+    models do not have it elsewhere; and its frequency is known to within 10 %, or the bandwidth.
+    Without an input, one of more than 3 % damping has a known shape.  ``finite``: whether the
+    response may be a finite one, which has no modes.
     """
     mode, reasons = evidence.mode, []
+    clear = evidence.input_test.statistic >= CLEAR_RESPONSE and not evidence.elsewhere
+    clear &= evidence.confirmed or evidence.stable is not False
     decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
     if mode.damping_ratio > STRONG_DAMPING or mode.frequency_hz > sampling_rate / 2:
         reasons.append("decays too fast to be a resonance")
@@ -361,7 +361,7 @@ def doubts(
         )
     elif evidence.origin == "not judged":
         reasons.append("could not be tested: few samples judge it, or without power there")
-    if evidence.stable is False and not evidence.input_test.statistic >= CLEAR_RESPONSE:
+    if evidence.stable is False and not clear:
         of_them = round(evidence.recurrence * evidence.compared)
         others = len(evidence.orders) - 1 - of_them
         few = f"only {of_them}" if of_them else "none"
@@ -371,7 +371,7 @@ def doubts(
         reasons.append(
             f"{alone if evidence.compared == 1 else sharing} its frequency and damping{more}"
         )
-    if not (evidence.confirmed or evidence.input_test.statistic >= CLEAR_RESPONSE):
+    if not (evidence.confirmed or clear):
         reasons.append(
             f"is not in all of the last orders, up to {PERSISTENT_ORDERS}; there is no larger one"
         )
