@@ -18,6 +18,7 @@ from evopem.automatic.fit import fit, likeliest_arx
 from evopem.config.structures import ORDER_NAMES
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.models.orders import Orders
+from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Segment, total_samples
 
 
@@ -113,6 +114,20 @@ def test_errors_with_both_levels_are_those_of_two_simulations(orders, robust):
         alone = errors_simulated_on(*parts, bool(fitted), robust)
         np.testing.assert_allclose(errors, alone, atol=1e-9)
         assert abs(np.mean(errors)) < 0.5 if fitted else np.mean(errors) < -0.5
+
+
+@pytest.mark.parametrize(("pole", "is_fitted"), [(0.9999, True), (0.99, False)])
+def test_no_predictor_begins_a_simulation_with_a_pole_at_the_stability_bound(pole, is_fitted):
+    """A report simulates from the state that fits: a drift that noise moves is missed there."""
+    u, e = np.random.default_rng(4).standard_normal((2, 400, 1))
+    A, column = np.diag([pole, 0.5]), np.ones((2, 1))
+    model = StateSpaceModel(
+        A, column, column.T, np.zeros((1, 1)), 0.5 * column, 1.0, np.zeros(1), np.eye(1)
+    )
+    y = model.simulate(u) + lfilter([1.0], [1.0, -pole], e, axis=0)
+    parts = Segment(u[:300], y[:300]), Segment(u[300:], y[300:])
+    fitted = model.simulate_from_fitted_state(u, y, known=300)[300:] - y[300:]
+    assert np.allclose(errors_simulated_on(model, *parts), fitted) is is_fitted
 
 
 def test_what_a_resting_input_cannot_tell_stays_small():

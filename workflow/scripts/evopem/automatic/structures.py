@@ -34,11 +34,11 @@ from evopem.automatic.fold_errors import (
 )
 from evopem.automatic.orders import WEAK, refine_orders
 from evopem.automatic.preparation.disturbance import follow_input
+from evopem.config.settings import Purpose
 from evopem.errors import NoModelError
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
 from evopem.validation.checks.roots import INSIDE_BOUND
 
-Purpose = Literal["simulation", "prediction", "modes", "auto"]
 Level = Literal["constant", "state"]
 # Largest held-out simulation errors, against the lowest ones, of a model that is taken for its
 # likelihood: where its residuals are valid, and where all its checks hold or chance allows it.

@@ -9,12 +9,13 @@ from evopem.automatic.decision import Decision
 from evopem.automatic.fit import CommonSettings
 from evopem.automatic.revisions import Revised, act_on_checks
 from evopem.automatic.state_space import weighting_of
-from evopem.automatic.structures import Choice, Comparison, Purpose, rivals_of
+from evopem.automatic.structures import Choice, Comparison, rivals_of
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import (
     AutomaticSettings,
     FitSettings,
     Hold,
+    Purpose,
     ScoringWindow,
     SearchSettings,
 )

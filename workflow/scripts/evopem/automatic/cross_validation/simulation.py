@@ -7,6 +7,8 @@ from functools import lru_cache
 import numpy as np
 
 from evopem.arrays import Array
+from evopem.config.settings import SearchSettings
+from evopem.estimation.criteria import lies_at_bound
 from evopem.models.polynomial import Model, PolynomialModel, simulated_form, state_space_of
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.states import first_samples
@@ -15,6 +17,8 @@ from evopem.validation.responses import unscored_samples
 
 # A pole of a larger radius makes a simulation grow without bound.
 STABLE = 1.0 + 1e-9
+# A pole at this bound keeps the state for as long as a recording.
+LONGEST_LASTING = SearchSettings.max_root_radius
 
 
 def errors_simulated_on(
@@ -27,11 +31,11 @@ def errors_simulated_on(
     """Errors of a simulation of held-out samples that determine no state, (M, l), of the last M.
 
     It runs on from the samples before, which determine its initial state: that of the predictor
-    where noise and input move the same states, else the one that fits them.  Where these are None
-    or empty, the first tenth of the held-out samples do, and are not scored.  A state that were
-    fitted to what is scored would draw slow waves through drifts with poles near the unit circle.
-    With ``fitted_level`` a constant is fitted to the scored samples; ``robust`` takes its median,
-    and the state that fits best.
+    where noise and input move the same states and none lasts, else the one that fits them.  Where
+    these are None or empty, the first tenth of the held-out samples do, and are not scored.  A
+    state that were fitted to what is scored would draw slow waves through drifts with poles near
+    the unit circle.  With ``fitted_level`` a constant is fitted to the scored samples; ``robust``
+    takes its median, and the state that fits best.
     """
     past = held_out.between(0, 0) if before is None else before
     return errors_with_levels(model, past, held_out, (fitted_level,), robust)[0]
@@ -44,12 +48,15 @@ def errors_with_levels(
     known = before.samples or first_samples(held_out.samples)
     both = _joined(before, held_out)
     inputs, outputs = both.inputs, both.outputs
-    measured, (states, is_stable) = outputs[known:], _plant_of(model)
+    measured, (states, radius) = outputs[known:], _plant_of(model)
+    # A drift may be the noise of a state that lasts: a predictor follows it, no validation does.
+    lasts = isinstance(model, StateSpaceModel) and lies_at_bound(radius, LONGEST_LASTING)
+    runs_on = bool(before.samples) and not robust and noise_moves_plant(model) and not lasts
     simulated = [np.full(measured.shape, np.inf)] * len(fitted_levels)
     with np.errstate(all="ignore"):
-        if is_stable:
+        if radius < STABLE:
             # No level is part of the state of the predictor.
-            if before.samples and not robust and noise_moves_plant(model):
+            if runs_on:
                 simulated = [_continued(model, before, held_out, known)[0]] * len(fitted_levels)
             else:
                 given = inputs, outputs, fitted_levels, robust, known
@@ -63,9 +70,9 @@ def errors_with_levels(
 
 # One model after the other is simulated on the held-out parts of a fold, and predicted there.
 @lru_cache(maxsize=1)
-def _plant_of(model: Model) -> tuple[StateSpaceModel, bool]:
-    """The plant in state space, and whether it is stable."""
-    return simulated_form(model), bool(np.abs(model.poles()).max(initial=0.0) < STABLE)
+def _plant_of(model: Model) -> tuple[StateSpaceModel, float]:
+    """The plant in state space, and the largest radius of its poles."""
+    return simulated_form(model), float(np.abs(model.poles()).max(initial=0.0))
 
 
 @lru_cache(maxsize=1)
@@ -96,9 +103,9 @@ def simulated(model: Model, stretch: Segment, fitted_level: bool = False) -> Arr
 
     With ``fitted_level`` the level is fitted to the stretch as well.
     """
-    states, is_stable = _plant_of(model)
+    states, radius = _plant_of(model)
     with np.errstate(all="ignore"):
-        if not is_stable:
+        if not radius < STABLE:
             return np.full(stretch.outputs.shape, np.inf)
         return states.simulate_from_fitted_state(stretch.inputs, stretch.outputs, fitted_level)
 
