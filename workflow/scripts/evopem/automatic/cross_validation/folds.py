@@ -322,8 +322,7 @@ def _errors_on(model: Model, before: Segment, stretch: Segment, absolute: bool) 
     def total(errors: Array) -> Array:
         return np.asarray(np.sum(np.abs(errors) if absolute else errors**2, axis=0))
 
-    outputs = stretch.outputs.shape[1]
-    sums, counts = np.zeros((3, outputs)), np.zeros((3, outputs))
+    sums, counts = np.zeros((2, 3, stretch.outputs.shape[1]))
     with np.errstate(all="ignore"):
         if stretch.has_input:
             given = model, before, stretch, (False, True), absolute

@@ -17,8 +17,6 @@ from evopem.validation.responses import unscored_samples
 
 # A pole of a larger radius makes a simulation grow without bound.
 STABLE = 1.0 + 1e-9
-# A pole at this bound keeps the state for as long as a recording.
-LONGEST_LASTING = SearchSettings.max_root_radius
 
 
 def errors_simulated_on(
@@ -50,7 +48,8 @@ def errors_with_levels(
     inputs, outputs = both.inputs, both.outputs
     measured, (states, radius) = outputs[known:], _plant_of(model)
     # A drift may be the noise of a state that lasts: a predictor follows it, no validation does.
-    lasts = isinstance(model, StateSpaceModel) and lies_at_bound(radius, LONGEST_LASTING)
+    bound = SearchSettings.max_root_radius
+    lasts = isinstance(model, StateSpaceModel) and lies_at_bound(radius, bound)
     runs_on = bool(before.samples) and not robust and noise_moves_plant(model) and not lasts
     simulated = [np.full(measured.shape, np.inf)] * len(fitted_levels)
     with np.errstate(all="ignore"):
@@ -93,9 +92,7 @@ def noise_moves_plant(model: Model) -> bool:
 
     A noise model beside a plant in state space counts as well: its states are part of the model.
     """
-    if isinstance(model, PolynomialModel):
-        return model.orders.na > 0
-    return bool(model.K.any())
+    return model.orders.na > 0 if isinstance(model, PolynomialModel) else bool(model.K.any())
 
 
 def simulated(model: Model, stretch: Segment, fitted_level: bool = False) -> Array:
@@ -136,8 +133,5 @@ def prediction_errors(model: Model, stretch: Segment, before: Segment | None = N
 
 
 def _joined(before: Segment, stretch: Segment) -> Segment:
-    return Segment(
-        np.concatenate([before.inputs, stretch.inputs]),
-        np.concatenate([before.outputs, stretch.outputs]),
-        stretch.recording,
-    )
+    u = np.concatenate([before.inputs, stretch.inputs])
+    return Segment(u, np.concatenate([before.outputs, stretch.outputs]), stretch.recording)

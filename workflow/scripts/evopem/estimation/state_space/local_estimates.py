@@ -18,6 +18,7 @@ from evopem.estimation.criteria import (
     limited,
     log_loss,
 )
+from evopem.estimation.damped_descent import SWEEP_WIDTH
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.prediction_errors import check_search_settings
 from evopem.estimation.search.problem import Log, SearchResult
@@ -242,7 +243,7 @@ def _descended_from(
     start = problem.completed(point_of_model(model, errors))
     # A descent that began with an unstable A may need its last steps to leave it.
     for limit in (rough_tolerance(errors), TOLERANCE) if tolerance is None else (tolerance,):
-        result = result_of(problem.descents(start[None, :], steps, limit))
+        result = result_of(problem.descents(start[None, :], steps, limit, SWEEP_WIDTH))
         if np.isfinite(result.value):
             return problem, result
     raise NoModelError("the descent found no stable model")
