@@ -399,6 +399,16 @@ def test_a_root_at_the_stability_bound_fails(good):
     assert check.advice
 
 
+def test_a_root_at_the_stability_bound_of_the_noise_model_alone_is_a_caution(good):
+    search, largest = good.model.search, float(np.max(np.abs(good.model.poles)))
+    for bound, word in ((search.settings.max_root_radius, "Caution"), (largest, "Failed")):
+        settings = replace(search.settings, max_root_radius=bound)
+        at_bound = replace(search, settings=settings, at_stability_bound=True)
+        check = good.with_("model", search=at_bound).check("Roots inside the stability bound")
+        assert check.word == word
+        assert ("No pole of the response" in check.statement) == (word == "Caution")
+
+
 FIVE_AGREE = {"restart_minima": (1.0,) * 5, "n_confirming": 4}
 
 
@@ -613,6 +623,18 @@ def test_one_cause_of_two_failed_checks_counts_once(good, follows, follower, cau
     assert judged.check(cause).word == "Failed"
     names = [check.name for check in judged.checks]
     assert names.index(follower) == names.index(cause) + 1
+
+
+def test_what_a_response_lacks_that_is_not_there_counts_once(good):
+    tests = replace(good.validation.model_class, linear=ResidualTest(1e-6, 0.05))
+    given = good.with_("validation", model_class=tests).with_("pairs", share_inside95=0.5)
+    assert [check.name for check in failed_checks(given.checks)] == [
+        "Residuals independent of the input",
+        "Linear",
+    ]
+    test = replace(good.validation.input_test, p_value=0.5)
+    (failed,) = failed_checks(given.with_("validation", input_test=test).checks)
+    assert failed.name == "Response to the input significant"
 
 
 @pytest.mark.parametrize("failing", ["linear", "constant", "without_feedback"])

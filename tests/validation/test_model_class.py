@@ -106,15 +106,27 @@ def test_models_of_the_wrong_class_are_found(system, test, kinds):
     assert np.mean(rejected) >= 0.9
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_noise_that_grows_with_the_response_is_no_wrong_class(seed):
+    """Squares and cubes are large just where the noise is (White 1980)."""
+    generator = np.random.default_rng([seed, 5])
+    sizes = np.repeat(np.exp(generator.standard_normal(SAMPLES // 50)), 50)
+    u = sizes * generator.standard_normal(SAMPLES)
+    x = resonance(u)
+    y = x + 0.3 * np.abs(x) * generator.standard_normal(SAMPLES)
+    found = model_class(divided(arx(u[:CUT], y[:CUT]), Recording(u, y, 1.0), CUT))
+    assert min(found.linear.p_value, found.constant.p_value) > 1e-3
+
+
 @pytest.mark.parametrize(
     ("system", "kind", "seed", "follows"),
     [
         ("gain halved midway", "slow", 0, "linear"),
         ("frequency drifts by 10 %", "slow", 0, "linear"),
-        ("quadratic", "white", 6, "constant"),
+        ("quadratic", "slow", 0, "constant"),
     ],
 )
-def test_of_change_and_nonlinearity_the_one_that_is_not_there_follows(system, kind, seed, follows):
+def test_of_change_and_nonlinearity_the_one_that_explains_less_follows(system, kind, seed, follows):
     found = judged(system, kind, 0, seed)
     assert not found.constant.passed
     assert not found.linear.passed
@@ -133,7 +145,7 @@ def test_a_gain_that_follows_the_level_is_no_change(seed):
     assert found.follows == "constant"
 
 
-@pytest.mark.parametrize(("changes", "seed"), [(False, 19), (True, 0), (True, 1)])
+@pytest.mark.parametrize(("changes", "seed"), [(False, 19), (True, 0), (True, 2)])
 def test_what_is_not_found_beside_feedback_follows_from_it(changes, seed):
     """The residuals of a response too short hold noise, which comes back through a controller."""
     r, e = np.random.default_rng([seed, 11]).standard_normal((2, SAMPLES))
@@ -342,18 +354,16 @@ def test_a_short_or_constant_record_is_not_judged():
 def test_tests_in_blocks_are_those_of_all_samples_at_once(monkeypatch, system):
     whole, dense = judged(system, "white", 0, 1), []
 
-    def at_once(stretch, output, regressors):
+    def at_once(stretch, output, rows):
         """The same by regressions of all rows together."""
-        beside, tested = regressors(stretch, output)(slice(None))
+        beside, tested = rows(slice(None))
         e, whitening = stretch.residuals[:, output], stretch.whitening[output]
         columns = np.column_stack([np.ones(len(e)), *stretch.lost, beside, tested, e])
-        basis, e = np.split(module.filtered(columns, whitening), [-1], axis=1)
-        others, tested = np.split(basis, [-tested.shape[1]], axis=1)
-        dense.append(len(basis))
-        return (
-            *(module.left_by(others, signals) for signals in (e[:, 0], tested)),
-            *(basis.shape[1], len(basis)),
-        )
+        columns = module.filtered(columns, whitening)
+        dense.append(len(columns))
+        others, tested, e = np.split(columns, [-1 - tested.shape[1], -1], axis=1)
+        left = [module.left_by(others, signals) for signals in (e[:, 0], tested)]
+        return *left, columns
 
     monkeypatch.setattr(module, "ROWS", 200)
     in_blocks = judged(system, "white", 0, 1)

@@ -4,7 +4,7 @@ On the estimation samples Wald and likelihood-ratio tests reject too often after
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -154,6 +154,21 @@ def left_by(regressors: Array, signals: Array) -> Array:
     length = np.linalg.norm(regressors, axis=0)
     basis = regressors[:, length > 0.0] / length[length > 0.0]
     return np.asarray(signals - basis @ np.linalg.lstsq(basis, signals, rcond=1e-12)[0])
+
+
+def scores_statistic(blocks: Iterable[Array], triangle: Array, count: int) -> float:
+    """Lagrange-multiplier statistic of ``count`` regressors, for errors of any variances (White
+    1980).  Blocks of rows: known regressors, these, and errors; ``triangle``: of all of them."""
+    known = triangle.shape[1] - 1 - count
+    size = np.maximum(np.linalg.norm(triangle, axis=0), 1e-300)
+    basis, others = np.split(triangle / size, [known], axis=1)
+    fit = np.linalg.lstsq(basis, others, rcond=1e-12)[0]
+    total, products = np.zeros(count), np.zeros((count, count))
+    for block in blocks:
+        rest = block[:, known:] / size[known:] - block[:, :known] / size[:known] @ fit
+        scores = rest[:, :-1] * rest[:, -1:]
+        total, products = total + scores.sum(axis=0), products + scores.T @ scores
+    return float(total @ np.linalg.pinv(products, rcond=1e-12, hermitian=True) @ total)
 
 
 def half_waves(samples: int) -> Array:

@@ -4,7 +4,7 @@ What a wrong class leaves in the residuals is small at each lag but has a known 
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Literal, Self
@@ -22,6 +22,7 @@ from evopem.validation.held_out_tests import (
     SIGNIFICANCE,
     filtered,
     left_by,
+    scores_statistic,
     whitened,
 )
 from evopem.validation.responses import HeldOut, unscored_samples
@@ -82,8 +83,8 @@ class ModelClass:
     # Shares of the residuals that squares and cubes of the response explain alone, and those of
     # the inputs before it, the most of all outputs; empty without an input or nonlinearity
     powers: tuple[float, ...] = ()
-    # Of change and nonlinearity, where both are found, what is not there beside the other; feedback
-    # where neither is there beside it
+    # Of change and nonlinearity, where both are found, what explains less beside the other, whose
+    # traces it is; feedback where neither is there beside it
     follows: Followed = ""
 
 
@@ -226,45 +227,45 @@ def _steps(stretch: _Stretch, output: int) -> Rows:
     return rows
 
 
-def _left(
-    stretch: _Stretch, output: int, regressors: Regressors
-) -> tuple[Array, Array, int, int] | None:
-    """Whitened residuals and tested regressors without the others, by the rows of a triangle that
-    has all products of theirs; how many regressors there are, and how many samples."""
+def _blocks(stretch: _Stretch, output: int, rows: Rows) -> Iterator[Array]:
+    """Known regressors, tested ones and residuals, all whitened, in blocks of rows."""
     e, whitening = stretch.residuals[:, output], stretch.whitening[output]
-    if not np.ptp(e) > 0.0:
-        return None
-    rows, before = regressors(stretch, output), len(whitening) - 1
-
-    def columns(part: slice) -> Array:
+    for first in range(0, len(e) - len(whitening) + 1, ROWS):
+        part = slice(first, first + ROWS + len(whitening) - 1)
         known = [np.ones(len(e[part])), *(lagged[part] for lagged in stretch.lost)]
-        return filtered(np.column_stack([*known, *rows(part), e[part]]), whitening)
+        yield filtered(np.column_stack([*known, *rows(part), e[part]]), whitening)
 
-    samples, count = len(e) - before, rows(slice(1))[1].shape[1]
-    parts = (slice(first, first + ROWS + before) for first in range(0, samples, ROWS))
-    triangle = triangle_of(map(columns, parts))
-    basis, left = triangle[:, :-1], triangle[:, -1]
-    others, tested = np.split(basis, [-count], axis=1)
-    return left_by(others, left), left_by(others, tested), basis.shape[1], samples
+
+def _left(stretch: _Stretch, output: int, rows: Rows) -> tuple[Array, Array, Array] | None:
+    """Residuals and tested regressors without the others, by rows of the triangle of all."""
+    if not np.ptp(stretch.residuals[:, output]) > 0.0:
+        return None
+    triangle = triangle_of(_blocks(stretch, output, rows))
+    others, tested = np.split(triangle[:, :-1], [-rows(slice(1))[1].shape[1]], axis=1)
+    return left_by(others, triangle[:, -1]), left_by(others, tested), triangle
 
 
 def _of_outputs(stretches: Sequence[_Stretch], regressors: Regressors) -> ResidualTest:
-    """Likelihood-ratio test of regressors beside others, for each output over all stretches."""
+    """Test of regressors beside others, for each output over all stretches: by the likelihood
+    ratio, and by scores, which hold where the size of residuals depends on the regressors."""
     outputs, tests = stretches[0].residuals.shape[1], []
     for output in range(outputs):
-        ratio, freedom, samples = 0.0, 0, 0
+        ratio, scores, freedom, samples = 0.0, 0.0, 0, 0
         for stretch in stretches:
-            if (parts := _left(stretch, output, regressors)) is None:
+            rows = regressors(stretch, output)
+            if (parts := _left(stretch, output, rows)) is None:
                 continue
-            without, tested, columns, rows = parts
+            without, tested, triangle = parts
             count, left = tested.shape[1], left_by(tested, without)
             before, after = float(without @ without), float(left @ left)
             if len(stretch.inputs) < FEWEST_PER_REGRESSOR * count or not after > 1e-12 * before:
                 continue
-            ratio += (rows - columns) * math.log(before / after)
-            freedom, samples = freedom + count, samples + rows
+            n = len(stretch.residuals) - len(stretch.whitening[output]) + 1
+            ratio += (n - triangle.shape[1] + 1) * math.log(before / after)
+            scores += scores_statistic(_blocks(stretch, output, rows), triangle, count)
+            freedom, samples = freedom + count, samples + n
         if freedom:
-            p_value = min(outputs * float(chdtrc(freedom, ratio)), 1.0)
+            p_value = min(outputs * float(chdtrc(freedom, min(ratio, scores))), 1.0)
             tests.append(ResidualTest(p_value, -math.expm1(-ratio / samples)))
     return min(tests, key=lambda test: test.p_value, default=NOT_TESTED)
 
@@ -294,7 +295,7 @@ def _later(stretch: _Stretch, _: int) -> Rows:
 
 
 def _following(stretches: Sequence[_Stretch], tests: ModelClass, changing: Regressors) -> Followed:
-    """What is not found beside another: of change and nonlinearity the less likely of both."""
+    """What another explains: of change and nonlinearity the one with less beside the other."""
 
     def beside(tested: Regressors, known: Regressors) -> ResidualTest:
         def both(stretch: _Stretch, output: int) -> Rows:
@@ -311,9 +312,7 @@ def _following(stretches: Sequence[_Stretch], tests: ModelClass, changing: Regre
     if len(failed) < 2:
         return ""
     change, nonlinearity = beside(changing, _operating_point), beside(_nonlinear, changing)
-    if change.passed and not change.share > nonlinearity.share:
-        return "constant"
-    return "linear" if nonlinearity.passed else "constant" if change.passed else ""
+    return "linear" if change.share > nonlinearity.share else "constant"
 
 
 def _alone(stretches: Sequence[_Stretch], regressors: Regressors, size: int = LAGS) -> Array:
@@ -322,9 +321,9 @@ def _alone(stretches: Sequence[_Stretch], regressors: Regressors, size: int = LA
     for output in range(stretches[0].residuals.shape[1]):
         explained, total = np.zeros(1), 0.0
         for stretch in stretches:
-            if (parts := _left(stretch, output, regressors)) is None:
+            if (parts := _left(stretch, output, regressors(stretch, output))) is None:
                 continue
-            e, tested, *_ = parts
+            e, tested, _ = parts
             groups = np.split(tested, tested.shape[1] // size, axis=1)
             explained = explained + [e @ e - np.sum(left_by(group, e) ** 2) for group in groups]
             total += float(e @ e)
@@ -364,13 +363,14 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
         for place in range(first.inputs.shape[1]):
             # Of the same sample, and of later ones.
             statistics, freedom, samples = np.zeros(2), np.zeros(2, dtype=int), 0
-            for stretch in stretches:
+            lags = [repetition_lag(stretch.inputs[:, place]) for stretch in stretches]
+            for stretch, lag in zip(stretches, lags, strict=True):
                 e, u = stretch.residuals[:, output], stretch.inputs[:, place]
                 if len(e) < FEWEST_PER_REGRESSOR * LATER or not np.ptp(e) > 0.0 < np.ptp(u):
                     periodic.append(False)
                     continue
-                if lag := repetition_lag(u):
-                    periodic.append(goes_on(u, lag))
+                if lag or len(u) < 4 * max(lags):  # too short a part of such an input repeats too
+                    periodic.append(not lag or goes_on(u, lag))
                     continue
                 e, u = whitened(e), _innovations(u)
                 n = min(len(e), len(u))

@@ -25,6 +25,8 @@ REVISED = (WHITE, INDEPENDENT_OF_INPUT, DISTINCT)
 ELSEWHERE = "Look for nonlinearity, disturbances or feedback in the record."
 OF_PAIR = "The pair hardly affects the frequency response. Do not trust a mode of it."
 
+# A response that is not that of the record makes these fail, whatever the system.
+BY_RESPONSE = (LINEAR, CONSTANT, INDEPENDENT_OF_INPUT)
 # Distortion makes these fail, whatever the linear model.
 BY_DISTORTION = (WHITE, INDEPENDENT_OF_INPUT, LINEAR)
 AT_FLOOR = (
@@ -36,10 +38,10 @@ NOT_THE_MODEL = (
     " smaller input, and trust no standard error."
 )
 
-# What is not found beside what: the checks that follow, their cause, and what was shown.
+# What explains less beside what: the checks that follow, their cause, and what was shown.
 FOLLOWS = {
-    "constant": ((CONSTANT,), LINEAR, "beside nonlinear terms the data show no change"),
-    "linear": ((LINEAR,), CONSTANT, "beside the change the data show no nonlinearity"),
+    "constant": ((CONSTANT,), LINEAR, "beside nonlinear terms a change explains less than they do"),
+    "linear": ((LINEAR,), CONSTANT, "beside the change nonlinear terms explain less than it does"),
     "feedback": ((CONSTANT, LINEAR), residuals.FEEDBACK, "not found beside later inputs"),
 }
 
@@ -52,7 +54,8 @@ def checks(evidence: Evidence) -> list[Check]:
         return list(evidence.validation.checks)
     judged = [check for judge in CHECKS if (check := judge(evidence)) is not None]
     judged = [_with_reason(check, evidence) for check in judged]
-    causes = [check.name for check in failed_checks(judged) if check.name in (LINEAR, CONSTANT)]
+    failed = [check.name for check in failed_checks(judged)]
+    causes = [c for c in (inputs.RESPONSE_SIGNIFICANT, LINEAR, CONSTANT) if c in failed]
     coloured = any(check.name == WHITE and check.passed is False for check in judged)
     judged = [_following(check, causes, coloured, evidence) for check in judged]
     places = {check.name: place for place, check in enumerate(judged)}
@@ -60,17 +63,25 @@ def checks(evidence: Evidence) -> list[Check]:
 
 
 def _following(check: Check, causes: Sequence[str], coloured: bool, evidence: Evidence) -> Check:
-    """A failed test of residuals as what a wrong class leaves, where no revision was of use."""
+    """A failed test of residuals as what a wrong response or class leaves, if none was of use."""
     of_peaks = coloured and check.name == residuals.spectral_peaks.name
     tested = WHITE if of_peaks else check.name  # white residuals leave no peak
     revisions = sum(tested in of_revision for of_revision in evidence.revised or ())
-    of_residuals = tested in (WHITE, INDEPENDENT_OF_INPUT) and failed_checks([check])
-    if not (causes and revisions and of_residuals):
+    if not (causes and failed_checks([check])):
+        return check
+    if causes[0] == inputs.RESPONSE_SIGNIFICANT and check.name in BY_RESPONSE:
+        return _from(check, causes[0], ": residuals hold all that the model's response lacks")
+    if not (revisions and tested in (WHITE, INDEPENDENT_OF_INPUT)):
         return check
     too = ", as the coloured residuals do" * of_peaks
-    shown = f"no model tried against it ({revisions}) did as well"
-    statement = f"Follows from “{causes[0]}”{too}: {shown}. {check.statement}"
-    return replace(check, statement=statement, grade="caution", follows_from=causes[0])
+    shown = f"{too}: no model tried against it ({revisions}) did as well"
+    return _from(check, causes[0], shown)
+
+
+def _from(check: Check, cause: str, shown: str) -> Check:
+    """A check that a failed one explains, with what was shown of both."""
+    statement = f"Follows from “{cause}”{shown}. {check.statement}"
+    return replace(check, statement=statement, grade="caution", follows_from=cause)
 
 
 def _with_reason(check: Check, evidence: Evidence) -> Check:
@@ -84,8 +95,9 @@ def _with_reason(check: Check, evidence: Evidence) -> Check:
         check = replace(check, advice=advice)
     followers, cause, shown = FOLLOWS.get(validation.model_class.follows, ((), "", ""))
     if check.name in followers:
-        statement = f"Follows from “{cause}”: {shown}. {check.statement}"
-        return replace(check, statement=statement, grade="caution", follows_from=cause)
+        return _from(check, cause, f": {shown}")
+    if check.name == roots.INSIDE_BOUND and roots.is_of_noise(evidence.model):
+        return replace(check, grade="caution")
     of_floor = validation.at_floor and check.name != WHITE
     if check.name not in BY_DISTORTION or not (distortion.shown or of_floor):
         return check

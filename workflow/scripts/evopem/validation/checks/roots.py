@@ -6,6 +6,7 @@ import numpy as np
 
 from evopem.arrays import Array, Complex
 from evopem.config.structures import STRUCTURES, plant_order
+from evopem.estimation.criteria import lies_at_bound
 from evopem.estimation.model_record import ModelRecord
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
@@ -90,7 +91,14 @@ def stability_bound(evidence: Evidence) -> Found:
     a = f"{'A' if letters else 'An'} {what} lies at"
     if model.may_be_unstable:
         return (None, f"{a} or beyond {bound}, and the constraints fix or allow such roots.", "")
-    return False, f"{a} {bound}: the bound and not the data determines its radius."
+    alone = " No pole of the response to the input does." * is_of_noise(model)
+    return False, f"{a} {bound}: the bound and not the data determines its radius.{alone}"
+
+
+def is_of_noise(model: ModelRecord) -> bool:
+    """Whether the response to an input has no pole at the stability bound."""
+    radius = float(np.max(np.abs(model.poles), initial=0.0))
+    return model.has_input and not lies_at_bound(radius, model.search.settings.max_root_radius)
 
 
 LOWER_THE_ORDERS = (
