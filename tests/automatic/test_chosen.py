@@ -9,9 +9,10 @@ from records import output_error_record
 from scipy.signal import lfilter
 
 from evopem.automatic import chosen_model
-from evopem.automatic.candidates import Scorer
+from evopem.automatic.candidates import Scorer, StructureSearch, order_models
 from evopem.automatic.cross_validation.folds import decide_folds
 from evopem.automatic.cross_validation.simulation import prediction_errors, simulated
+from evopem.automatic.decision import Decision
 from evopem.automatic.fit import CommonSettings, Fit
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.automatic.state_space import fits_in_state_space
@@ -32,6 +33,14 @@ def candidate():
     scorer = Scorer(record.stretches, decide_folds(record.stretches), CommonSettings())
     found = scorer.candidate("oe", Orders(nb=2, nf=2, nk=1))
     return recording, record, scorer, Choice("simulation", found, "constant")
+
+
+def test_finite_responses_have_no_models_whose_modes_are_compared_by_order(candidate):
+    recording, record, scorer, choice = candidate
+    fir = scorer.candidate("fir", Orders(nb=40, nk=1), scored=False)
+    found = StructureSearch("any", (fir, choice.candidate), Decision("any", "", (), "", ""))
+    (model,) = order_models(found, record, recording).models
+    assert model.order == 2
 
 
 # Held-out errors and objective over those of the compared model, the deviation of the folds, and

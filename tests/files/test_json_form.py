@@ -271,9 +271,11 @@ def test_a_field_deep_inside_is_named():
         from_json(settings.OrderGrid, content, "file.json")
 
 
-def test_a_file_holds_what_was_saved(tmp_path):
+@pytest.mark.parametrize(("indent", "lines"), [(2, 32), (None, 1)])
+def test_a_file_holds_what_was_saved(tmp_path, indent, lines):
     path = tmp_path / "orders.json"
-    save((armax_orders(1, 2, 3, 4), armax_orders(4, 3, 2, 1)), path)
+    save((armax_orders(1, 2, 3, 4), armax_orders(4, 3, 2, 1)), path, indent)
+    assert path.read_text(encoding="utf-8").count("\n") == lines
     assert load(tuple[Orders, ...], path) == (
         armax_orders(1, 2, 3, 4),
         armax_orders(4, 3, 2, 1),

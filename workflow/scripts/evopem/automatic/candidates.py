@@ -177,10 +177,10 @@ class StructureSearch:
 def order_models(
     search: StructureSearch, record: PreparedRecord, estimation: Recording
 ) -> OrderModels:
-    """The likeliest plant of each order of a search in state space, as one of a recording."""
+    """The likeliest plant of each number of poles in a search, as one of a recording."""
     models: dict[int, OrderModel] = {}
-    with_own_order = [c for c in search.candidates if c.structure != "bj" or any(c.orders.nf)]
-    for tried in sorted(with_own_order, key=lambda tried: (tried.order, -tried.bic)):
+    with_poles = [c for c in search.candidates if c.polynomials is None or c.orders.poles]
+    for tried in sorted(with_poles, key=lambda tried: (tried.order, -tried.bic)):
         plant = record.in_its_units(tried.model)
         if isinstance(plant, PolynomialModel):
             plant = plant.plant().state_space()

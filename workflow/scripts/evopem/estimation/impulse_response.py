@@ -336,13 +336,9 @@ def delay_evidence(past: Array, lagged: Array, target: Array, samples: int, dela
     size = float(np.linalg.norm(target))
     if size == 0.0:
         return np.zeros(len(delays))
-    evidences = []
+    past, lagged, evidences = _of_unit_length(past), _of_unit_length(lagged), []
     for delay in delays:
-        columns = (
-            _of_unit_length(past),
-            _of_unit_length(lagged)[:, delay : delay + LAGS],
-            target[:, None] / size,
-        )
+        columns = past, lagged[:, delay : delay + LAGS], target[:, None] / size
         r: Array = np.asarray(np.linalg.qr(np.hstack(columns), mode="r"))
         blocks = r[:, : past.shape[1]], r[:, past.shape[1] : -1]
         evidences.append(Evidence(blocks, r[:, -1], samples))

@@ -8,7 +8,7 @@ import json
 import os
 import tempfile
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -76,9 +76,10 @@ def write_text(path: str | Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def write_json(path: str | Path, content: Mapping[str, Any] | Sequence[Any]) -> None:
-    """Write indented JSON. Floats are written exactly; one that is not finite is a ValueError."""
-    write_text(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+def write_json(path: str | Path, content: object, indent: int | None = 2) -> None:
+    """Write JSON, on one line for None. A float that is not finite is a ValueError."""
+    text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False) + "\n"
+    write_text(path, text)
 
 
 def write_table(path: str | Path, table: Mapping[str, Iterable[Any]] | pd.DataFrame) -> None:

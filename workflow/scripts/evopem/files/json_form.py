@@ -36,6 +36,9 @@ def to_json(value: Any) -> Any:
         return value if math.isfinite(value) else None
     if value is None or isinstance(value, str | int):
         return value
+    if isinstance(value, list | tuple):
+        numbers = {*map(type, value)} == {float} and all(map(math.isfinite, value))
+        return list(value) if numbers else [to_json(item) for item in value]
     if is_dataclass(value):
         return {
             key: to_json(getattr(value, name))
@@ -43,8 +46,6 @@ def to_json(value: Any) -> Any:
         }
     if isinstance(value, Mapping):
         return {key: to_json(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [to_json(item) for item in value]
     if isinstance(value, complex):
         return [float(value.real), float(value.imag)]
     return to_json(value.tolist())  # of numpy
@@ -63,9 +64,9 @@ def from_json(kind: type[T], content: object, source: str = "the content") -> T:
     return value
 
 
-def save(value: object, path: str | Path) -> None:
-    """Write a dataclass, or a sequence of them, as JSON."""
-    write_json(path, to_json(value))
+def save(value: object, path: str | Path, indent: int | None = 2) -> None:
+    """Write a dataclass, or a sequence of them, as JSON; on one line where only stages read it."""
+    write_json(path, to_json(value), indent)
 
 
 def load(kind: type[T], path: str | Path) -> T:
@@ -129,6 +130,8 @@ def _read(kind: Any, content: Any, place: str) -> Any:
         if not isinstance(content, list | tuple):
             raise misfit("is not a list")
         if members[-1] is Ellipsis:
+            if members[0] in (float, *_EXACT) and {*map(type, content)} <= {members[0]}:
+                return tuple(content)
             members = members[:1] * len(content)
         if len(content) != len(members):
             raise misfit(f"has not {len(members)} entries")

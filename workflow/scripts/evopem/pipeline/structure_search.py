@@ -100,9 +100,9 @@ def search_structures(
         scored = Scored.load(files, settings, fits)
         with errors_name_dataset(files), one_blas_thread():
             result = search_structure(scored.scorer, structure, smaller, log)
-        save(without_covariances(result), files.search(structure))
+        save(without_covariances(result), files.search(structure), indent=None)
         models = order_models(result, scored.record, scored.prepared.estimation)
-        save(models, files.models_of_orders(structure))
+        save(models, files.models_of_orders(structure), indent=None)
 
 
 def choose(
@@ -116,4 +116,4 @@ def choose(
     scorer = Scored.load(files, settings, fits, of_choice=True).scorer
     with errors_name_dataset(files), one_blas_thread():
         comparison = compare_structures(scorer, searches)
-    save(comparison, files.decision("comparison"))
+    save(comparison, files.decision("comparison"), indent=None)
