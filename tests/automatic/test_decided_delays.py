@@ -108,6 +108,16 @@ def test_feedback_is_not_taken_for_a_delay_of_0():
     assert decide_delays([Segment(r, free)], ["u"]).delays == (0,)
 
 
+def test_errors_that_are_large_where_the_input_is_are_no_feedback():
+    """Bursts that input and errors share make their products large, of any lag, by chance."""
+    g = np.random.default_rng(3)
+    bursts = np.repeat(np.exp(1.2 * g.standard_normal(75)), 20)
+    w, v = bursts * g.standard_normal((2, 1500))
+    y = lfilter([1.0, 0.5], [1.0, -0.8], w) + 0.3 * lfilter([1.0], [1.0, -0.8], v)
+    choice = decide_delays([Segment(w, y)], ["u"])
+    assert (choice.delays, choice.shortest) == ((0,), 0)
+
+
 def test_a_delay_of_0_is_taken_only_where_it_is_the_likeliest():
     """A first coefficient that chance makes large enough not to speak against the same sample."""
     decided = []

@@ -216,10 +216,11 @@ def _earlier_delays(tested: _Residuals, delays: tuple[int, ...]) -> tuple[int, .
 def feedback_test(model: Model, stretches: Sequence[Segment]) -> ResidualTest:
     """Test that no input depends on past residuals, and the share of it that they explain.
 
-    Each input is regressed on its own past without and with past residuals (an F test; Granger
-    1969), in the longest stretch; of several inputs the lowest p-value counts, times their number.
-    Its past comes with squares and cubes: of these, too, are the residuals of a nonlinear system.
-    The share is that of what its own past leaves, beyond what unrelated residuals explain.
+    Each input is regressed on its own past without and with past residuals (Granger 1969), in the
+    longest stretch; of several inputs the lowest p-value counts, times their number.  Its past
+    comes with squares and cubes: of these, too, are the residuals of a nonlinear system, and of
+    one whose errors grow with the input the scores' own mean squares tell what is chance (White
+    1980).  The share is that of what its own past leaves, beyond what unrelated residuals explain.
     """
     stretch = max(stretches, key=lambda stretch: stretch.samples)
     e = prediction_errors(model, stretch)
@@ -229,23 +230,26 @@ def feedback_test(model: Model, stretches: Sequence[Segment]) -> ResidualTest:
 
 
 def _of_input(u: Array, e: Array) -> ResidualTest:
-    from scipy.stats import f
+    from scipy.special import chdtrc
 
     n, lags = len(e), min(10, len(e) // (15 * e.shape[1]))
     if lags < 1:
         return ResidualTest(1.0, 0.0)
     u = (u - u.mean()) / max(float(np.std(u)), 1e-300)
     past = [u[lags - k : n - k] for k in range(1, lags + 1)]
-    past_inputs = [np.ones(n - lags), *(x**power for power in (1, 2, 3) for x in past)]
-    past_errors = [errors[lags - k : n - k] for errors in e.T for k in range(1, lags + 1)]
-    target, left = u[lags:], []
-    for columns in map(np.column_stack, (past_inputs, [*past_inputs, *past_errors])):
-        point, _, rank, _ = np.linalg.lstsq(columns, target, rcond=None)
-        left.append((float(np.sum((target - columns @ point) ** 2)), int(rank)))
-    (without, known), (with_residuals, rank) = left
-    added, freedom = rank - known, len(target) - rank
-    if not with_residuals > 0.0 or freedom < 1 or added < 1:
+    known = np.column_stack([np.ones(n - lags), *(x**power for power in (1, 2, 3) for x in past)])
+    errors = np.column_stack([x[lags - k : n - k] for x in e.T for k in range(1, lags + 1)])
+    whole = np.column_stack([errors, u[lags:]])
+    left = whole - known @ np.linalg.lstsq(known, whole, rcond=None)[0]
+    errors, new = left[:, :-1], left[:, -1]
+    point, _, rank, _ = np.linalg.lstsq(errors, new, rcond=None)
+    freedom = len(new) - known.shape[1] - int(rank)
+    if freedom < 1 or rank < 1 or not np.sum((new - errors @ point) ** 2) > 0.0:
         return ResidualTest(1.0, 0.0)
-    statistic = (without - with_residuals) / added / (with_residuals / freedom)
-    beyond = max(1.0 - with_residuals / without - added / len(target), 0.0)
-    return ResidualTest(float(f.sf(statistic, added, freedom)), beyond)
+    scores = errors * new[:, None]
+    total = scores.sum(axis=0)
+    statistic = float(total @ np.linalg.pinv(scores.T @ scores, hermitian=True) @ total)
+    explained = 1.0 - np.sum((new - errors @ point) ** 2) / np.sum(new**2)
+    return ResidualTest(
+        float(chdtrc(int(rank), statistic)), max(float(explained) - rank / len(new), 0.0)
+    )

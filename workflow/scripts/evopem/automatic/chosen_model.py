@@ -6,11 +6,10 @@ from functools import partial
 
 import numpy as np
 
-from evopem.automatic.candidate_checks import BY_CHANCE
 from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS
-from evopem.automatic.fold_errors import STRONG, Kind, as_good, may_be_chance, score_of
+from evopem.automatic.fold_errors import Kind, as_good, score_of
 from evopem.automatic.orders import orders_of_size
 from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.automatic.state_space import task_of, weighting_of
@@ -215,9 +214,8 @@ def estimate_choice(
     """The model of a choice, searched globally unless held-out samples speak against what is found.
 
     A lower minimum of the errors of estimation samples may be one of their noise alone: it is left
-    where held-out samples are simulated, or predicted, worse with it by more than chance; that of
-    :func:`.may_be_chance` where it is much likelier.  With ``plant_kept`` the plant is searched
-    without its noise model, which stays as it was.
+    where held-out samples are simulated, or predicted, worse with it (:func:`.as_good`), however
+    likely it is.  With ``plant_kept`` the plant is searched without its noise model, which stays.
 
     Raises InputError when no model of the order meets the constraints, or the model has roots
     beyond the largest radius, and NoModelError when the record is too short.
@@ -257,8 +255,7 @@ def estimate_choice(
     scaled = replace(record, sampling_rate=rate, scales=(scales[0], scales[1]))
     searched = scaled.in_its_units(searched_model.estimate.model)
     judged = scorer.scored(replace(choice.candidate, model=searched))
-    likelier = _is_strong_evidence(scorer, judged, value / known)
-    about = _about_search(choice, searched_model, compared, judged, likelier)
+    about = _about_search(choice, searched_model, compared, judged)
     return (estimate_candidate(*known_one) if about.choice == COMPARED else searched_model), about
 
 
@@ -277,20 +274,11 @@ def described_by_search(
     return replace(estimate, model=of_signals(estimate.model, data))
 
 
-def _is_strong_evidence(scorer: Scorer, candidate: Candidate, ratio: float) -> bool:
-    """Whether polynomials with white residuals are likelier, by the ratio of their objective."""
-    if candidate.polynomials is None:  # in state space the objective may be a logarithm
-        return False
-    gain = -(1 + scorer.absolute) * scorer.independent_samples * float(np.log(ratio))
-    return gain > STRONG and scorer.checks(candidate).whiteness >= BY_CHANCE
-
-
 def _about_search(
     choice: Choice,
     result: ChosenModel,
     compared: ChosenModel,
     judged: Candidate | None = None,
-    likelier: bool = False,
 ) -> Decision:
     """What the search found, and whether it is taken."""
     name, known = choice.candidate.name, choice.candidate.scores
@@ -303,17 +291,14 @@ def _about_search(
         return Decision(SUBJECT, SEARCHED, (alternative,), criterion, sentence)
     kinds: tuple[Kind, ...] = tuple(dict.fromkeys((choice.kind, "prediction")))
     rivals = judged, choice.candidate
-    against: list[Kind] = [
+    worse: list[Kind] = [
         kind for kind in kinds if np.isfinite(getattr(known, kind)) and not as_good(*rivals, kind)
     ]
-    worse = [kind for kind in against if not (likelier and may_be_chance(*rivals, kind))]
-    kind = (worse or against or [choice.kind])[0]
+    kind = (worse or [choice.kind])[0]
     scores = [float(getattr(scores, kind)) for scores in (judged.scores, known)]
     does = "predicted one step ahead" if kind == "prediction" else "simulated"
     fell = compared.estimate.search.value - result.estimate.search.value
     verdict = ": worse by more than chance, so that the compared model is kept." if worse else "."
-    if against and not worse:
-        verdict = ": not worse by more than chance, and its likelihood is strong evidence for it."
     sentence = (
         f"The objective of {name} fell by {fell:.2g} in the search; held-out samples are {does}"
         f" with {scores[0]:.3g} % instead of {scores[1]:.3g} %{verdict}"
