@@ -22,6 +22,7 @@ from evopem.estimation.state_space.local_estimates import (
 )
 from evopem.estimation.state_space.point_model import (
     PointModel,
+    _basis_of,
     parameter_covariance,
     weighed_jacobians,
 )
@@ -136,6 +137,12 @@ def test_the_gradient_agrees_with_finite_differences(structure, order, weighting
         ]
         numeric[k] = (values[0] - values[1]) / (2.0 * step)
     np.testing.assert_allclose(gradient, numeric, atol=2e-6 * np.abs(numeric).max())
+
+
+def test_a_state_that_no_output_sees_is_kept():
+    """As of y = 2 u, whose states all come from rounding."""
+    unseen = np.array([[1.0, 0.0]])
+    np.testing.assert_array_equal(_basis_of(np.diag([0.5, 0.2]), unseen), np.eye(2))
 
 
 @pytest.mark.parametrize("structure", ["ss", "ss_oe"])

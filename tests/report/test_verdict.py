@@ -174,6 +174,13 @@ def test_intervals_after_an_automatic_choice_are_given_with_care(results, monkey
     assert answers(verdict(alone))["standard errors"] == "good"
 
 
+def test_standard_errors_without_noise_are_given_with_care(results, monkeypatch):
+    with_checks(monkeypatch, results)
+    exact = replace(results.validation, prediction_error_percent=1e-13)
+    (use,) = [u for u in verdict(replace(results, validation=exact)).uses if "errors" in u.name]
+    assert (use.answer, use.reason) == ("care", "there is no noise that they would come from")
+
+
 def test_the_sentence_names_every_use_with_its_answer(results):
     found = verdict(results)
     good = ", ".join(use.name for use in found.of("good")[:-1])

@@ -27,6 +27,18 @@ def test_against_the_definition(samples, lags, seed):
     np.testing.assert_allclose(auto, [direct(x, x, k) for k in range(lags + 1)], atol=1e-12)
 
 
+def test_signals_whose_squares_underflow_correlate_as_others_do():
+    """What is left of a record without noise."""
+    x, y = np.random.default_rng(3).standard_normal((2, 50))
+    small = 1e-200 * x
+    np.testing.assert_allclose(autocorrelation(small, 5), autocorrelation(x, 5), atol=1e-12)
+    np.testing.assert_allclose(
+        cross_correlation(small, y, 5), cross_correlation(x, y, 5), atol=1e-12
+    )
+    with pytest.raises(InputError, match="constant"):
+        autocorrelation(np.zeros(50), 5)
+
+
 def test_against_statsmodels():
     acf = pytest.importorskip("statsmodels.tsa.stattools").acf
     signals = np.random.default_rng(0).standard_normal((2, 500))

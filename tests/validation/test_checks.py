@@ -595,6 +595,21 @@ def test_a_failed_test_of_the_class_says_when_and_what_kind(good):
     assert "Cubes of the inputs" in said("Linear", linear=failed, powers=powers)
 
 
+@pytest.mark.parametrize(("error", "noise"), [(1e-12, False), (1e-6, True), (math.nan, True)])
+def test_rounding_errors_are_no_noise_to_test(good, error, noise):
+    """Single precision leaves 1e-6 %."""
+    failed = ResidualTest(1e-6, 0.05)
+    tests = replace(good.validation.model_class, constant=failed, linear=failed)
+    given = good.with_("validation", model_class=tests, prediction_error_percent=error)
+    given = given.with_("outputs", autocorrelation_share_inside95=math.nan, outlier_percent=40.0)
+    for name in ("White", "Residuals independent", "Constant", "Linear", "Free", "Few residual"):
+        found = given.check(name)
+        assert ("There is no noise" in found.statement) is not noise
+        assert found.passed or noise
+    assert given.check("White").passed is (None if noise else True)
+    assert given.check("Linear").passed is not noise
+
+
 def test_feedback_on_the_same_sample_is_not_told_of_a_model_without_delay(good):
     """A white disturbance in u = r - K y is then one of the response; the joint process is one."""
     assert "same sample" not in good.check("Free").statement

@@ -41,7 +41,8 @@ RECORDS = 12
 
 
 def error_parts(distortion, floors=()):
-    return sentences_of(SimpleNamespace(distortion=distortion, floors=floors))
+    judged = SimpleNamespace(distortion=distortion, floors=floors, prediction_error_percent=1.0)
+    return sentences_of(judged)
 
 
 def spaced(text):

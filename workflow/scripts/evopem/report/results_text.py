@@ -30,7 +30,7 @@ from evopem.results.layout import DatasetFiles
 from evopem.validation.checks.inputs import OTHER_SAMPLES
 from evopem.validation.distortion import Distortion, Floor
 from evopem.validation.error_parts import ErrorParts
-from evopem.validation.validation import Validation
+from evopem.validation.validation import ROUNDING, Validation
 
 _WIDTH = 96
 # Share of a distortion's power from which on it is mostly of one kind.
@@ -131,6 +131,8 @@ def _wrapped(text: str, head: str) -> list[str]:
 
 def error_parts(judged: Validation | DatasetSummary) -> list[str]:
     """A sentence for each of four outputs, the largest errors first; none where not judged."""
+    if judged.prediction_error_percent <= ROUNDING:
+        return ["There is no noise: these are rounding errors."]
     split, floors = judged.distortion, [x for x in judged.floors if x.floor.low > 0.0]
     reached = {x.name: AT_FLOOR for x in floors if x.reached}
     several = len(split.outputs or judged.floors) > 1

@@ -322,6 +322,8 @@ def _intervals(results: DatasetResults) -> Use:
         findings.append(("no", "no coefficient has one"))
     elif unknown:
         findings.append(("care", f"not known of {unknown} of {plural(len(errors), 'coefficient')}"))
+    if results.validation.without_noise:
+        findings.append(("care", "there is no noise that they would come from"))
     if len(results.scores) > 1:
         # Intervals of models that the automatic recipe chose cover less (docs/report.md).
         findings.append(("care", "those of coefficients take the chosen orders for the true ones"))

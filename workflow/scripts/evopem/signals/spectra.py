@@ -273,10 +273,16 @@ def autocorrelation(signals: Array, lags: int) -> Array:
 
     As Ljung (1999, section 6.1) has it; InputError where a signal is constant.
     """
-    products = _products(signals - signals.mean(axis=-1, keepdims=True), lags)
+    products = _products(_centred(signals), lags)
     if not products[..., 0].all():
         raise InputError("correlation", "a signal is constant", "give signals that vary")
     return np.asarray(products / products[..., :1])
+
+
+def _centred(signals: Array) -> Array:
+    """(..., N) signals without their mean, times powers of two: no square of small ones is 0."""
+    centred = signals - signals.mean(axis=-1, keepdims=True)
+    return np.ldexp(centred, -np.frexp(np.max(np.abs(centred), axis=-1, keepdims=True))[1])
 
 
 def _products(signals: Array, lags: int) -> Array:
@@ -296,7 +302,7 @@ def cross_correlation(first: Array, second: Array, lags: int) -> Array:
     from scipy.signal import correlate
 
     samples = first.size
-    x, y = first - first.mean(), second - second.mean()
+    x, y = _centred(first), _centred(second)
     energy = float(np.sqrt(np.dot(x, x)) * np.sqrt(np.dot(y, y)))
     if energy == 0.0:
         raise InputError("correlation", "a signal is constant", "give signals that vary")

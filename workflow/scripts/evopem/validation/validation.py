@@ -18,6 +18,9 @@ from evopem.validation.spectra import PeakEvidence, SplitSpectra
 if TYPE_CHECKING:
     import pandas as pd
 
+# One-step errors up to this, in percent, are rounding errors: single precision leaves 1e-6.
+ROUNDING = 1e-9
+
 
 @dataclass(frozen=True)
 class Check:
@@ -150,6 +153,11 @@ class Validation:
     floors: tuple[Floor, ...] = ()  # of the simulation error, of each output; none where not known
     # Of a model of frequency responses, whose errors at frequencies are judged; else of a recording
     checks: tuple[Check, ...] = ()
+
+    @property
+    def without_noise(self) -> bool:
+        """Whether the one-step errors are as small as rounding errors."""
+        return self.prediction_error_percent <= ROUNDING
 
     @property
     def at_floor(self) -> bool:

@@ -149,10 +149,10 @@ def _basis_of(predictor: Array, C: Array) -> Array:
             root = np.asarray(np.linalg.qr(np.vstack([root, root @ power]), mode="r"))
             power = power @ power
         size = np.linalg.norm(root, axis=0)
-        ill = np.linalg.cond(root / size) > ILL_CONDITIONED
         # Sections are stable, so that no power of them grows; some states may be seen nowhere.
-        usable = bool(np.all(np.diag(root)))
-    return root if ill and usable else np.eye(len(predictor))
+        usable = bool(np.all(np.diag(root))) and np.isfinite(root / size).all()
+        ill = usable and np.linalg.cond(root / size) > ILL_CONDITIONED
+    return root if ill else np.eye(len(predictor))
 
 
 # Eigenvalues of the information matrix, its diagonal scaled to one, below this share of the

@@ -59,21 +59,27 @@ class Judge:
     advice: str
     grade: Literal["defect", "caution", "note"]
     outcome_of: Callable[[Evidence], Found | None]
+    of_noise: bool = False  # of residuals that are more than rounding errors
 
     def __call__(self, evidence: Evidence) -> Check | None:
         """The outcome for a model."""
         if (finding := self.outcome_of(evidence)) is None:
             return None
+        if self.of_noise and evidence.validation.without_noise:
+            finding = True, "There is no noise: the residuals are rounding errors."
         passed, statement, *advice = finding
         advised = "" if passed else (advice or [self.advice])[0]
         return Check(self.name, passed, statement, advised, self.grade)
 
 
 def check(
-    name: str, advice: str = "", grade: Literal["defect", "caution", "note"] = "defect"
+    name: str,
+    advice: str = "",
+    grade: Literal["defect", "caution", "note"] = "defect",
+    of_noise: bool = False,
 ) -> Callable[[Callable[[Evidence], Found | None]], Judge]:
     """Make a check of a function that finds whether it passed, and says why."""
-    return lambda outcome_of: Judge(name, advice, grade, outcome_of)
+    return lambda outcome_of: Judge(name, advice, grade, outcome_of, of_noise)
 
 
 def failed_checks(checks: Iterable[Check]) -> list[Check]:

@@ -102,7 +102,7 @@ def _verdicts(validation: Validation) -> list[bool | None]:
     ]
 
 
-@check(WHITE)
+@check(WHITE, of_noise=True)
 def whiteness(evidence: Evidence) -> Found:
     """Residual autocorrelations as small as those of white noise, jointly and one by one."""
     model, validation = evidence.model, evidence.validation
@@ -144,7 +144,7 @@ def whiteness(evidence: Evidence) -> Found:
     )
 
 
-@check(INDEPENDENT_OF_INPUT)
+@check(INDEPENDENT_OF_INPUT, of_noise=True)
 def input_independence(evidence: Evidence) -> Found | None:
     """No significant cross-correlation of residuals and inputs."""
     pairs, lags = evidence.validation.pairs, evidence.validation.correlation_lags
@@ -197,6 +197,7 @@ def _of_class(test: ResidualTest, what: str, reason: str = "", unseen: str = "")
     CONSTANT,
     "The system changed during the record: a gain, frequency or damping of the model is a mean."
     " Identify parts of the record one by one, and compare them.",
+    of_noise=True,
 )
 def constant_in_time(evidence: Evidence) -> Found:
     """The response of the system as it is at the beginning until the end."""
@@ -216,6 +217,7 @@ def constant_in_time(evidence: Evidence) -> Found:
     LINEAR,
     "The model describes one amplitude, and its intervals are too narrow. Record with a smaller"
     " input, or take the root or logarithm of a channel that is no linear measure.",
+    of_noise=True,
 )
 def linear(evidence: Evidence) -> Found:
     """No squares and cubes of the response and of the inputs in the residuals."""
@@ -229,6 +231,7 @@ def linear(evidence: Evidence) -> Found:
     "The input depends on the output, as of a controller: the model may be that of the controller,"
     " or carry its bias. Use a structure with a noise model and a delay of one sample at least, or"
     " record without the controller.",
+    of_noise=True,
 )
 def without_feedback(evidence: Evidence) -> Found | None:
     """No dependence of later inputs on the residuals."""
@@ -325,6 +328,7 @@ def better_than_mean(evidence: Evidence) -> Found | None:
     "Few residual outliers",
     "Inspect them in the record, and repair spikes and drop-outs.",
     "caution",
+    of_noise=True,
 )
 def outliers(evidence: Evidence) -> Found:
     """Few residual outliers, or an objective that is robust against them."""
