@@ -179,8 +179,9 @@ def damped_step(hessian: Array, gradient: Array, damping: float) -> Array | None
     """Damped Gauss-Newton step in scaled coordinates, or None where it does not exist."""
     matrix = hessian.copy()
     # Far below the damping, this keeps free directions of the coordinates solvable.
-    matrix[np.diag_indices_from(matrix)] += damping + 1e-12
-    _, step, info = dposv(matrix, -gradient, lower=True)
+    matrix.flat[:: len(matrix) + 1] += damping + 1e-12
+    # Transposed it is stored as LAPACK has it, and overwritten.
+    _, step, info = dposv(matrix.T, -gradient, lower=True, overwrite_a=True)
     return np.asarray(step) if info == 0 and np.isfinite(step).all() else None
 
 
