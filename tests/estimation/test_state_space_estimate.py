@@ -771,3 +771,16 @@ def test_a_model_with_close_slow_poles_is_converted_as_it_is():
     )
     np.testing.assert_allclose(np.sort(converted_poles.real), np.sort(poles), atol=1e-5)
     assert StateSpaceProblem(errors).values(start[None, :])[0] < 1e-3
+
+
+def test_the_initial_state_of_many_outputs_follows_from_their_first_samples():
+    """Of 16 outputs 500 samples are 8000 values: what comes later changes no start."""
+    model = system(nu=1, ny=16, structure="ss_oe")
+    u, e = (np.random.default_rng(1).standard_normal((800, count)) for count in (1, 16))
+    y = model.simulate(u) + e
+    points = []
+    for later in (1.0, 3.0):
+        y[500:] *= later
+        errors = StateSpaceTask("ss_oe").errors(Recording(u, y, RATE), model.order)
+        points.append(point_of_model(model, errors))
+    np.testing.assert_allclose(*points, rtol=1e-9, atol=1e-12)

@@ -220,8 +220,7 @@ def generator_of(
 def is_heavy(errors: StateSpaceErrors) -> bool:
     """Whether a search only descends from estimates, which are good ones of outputs alone."""
     alone = errors.data.inputs.shape[1] == 0
-    heavy = errors.cost > (HEAVY_ALONE if alone else HEAVY)
-    return heavy or (alone and errors.order > USUAL_ORDER)
+    return errors.cost > (HEAVY_ALONE if alone else HEAVY) or (alone and errors.order > USUAL_ORDER)
 
 
 def _evaluations(problem: StateSpaceProblem, settings: SearchSettings) -> int:
@@ -317,10 +316,8 @@ def result_of(descent: Descent, spent: int = 0, optima: int = 1) -> SearchResult
 
 def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
     """The problem of the other form, whose optima are starts, where it is not too large."""
-    if errors.data.inputs.shape[1] == 0:
-        return ()
     converse = replace(errors, structure="ss_oe" if errors.innovations else "ss")
-    return () if converse.cost > HEAVY else (converse,)
+    return () if errors.data.inputs.shape[1] == 0 or converse.cost > HEAVY else (converse,)
 
 
 def likeliest_order(errors: StateSpaceErrors, orders: Sequence[int]) -> int:

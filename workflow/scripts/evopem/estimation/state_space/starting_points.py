@@ -24,8 +24,8 @@ from evopem.models.state_space import StateSpaceModel
 NEAREST, FARTHEST, REAL_PAIRS = 0.003, 0.6, 0.2
 # Ridge of the full residues of given poles, relative to the mean square of the regressors.
 RESIDUE_RIDGE = 1e-8
-# Samples of a segment that determine the initial state of a model.
-MOST_SAMPLES = 2000
+# Samples of a segment, and values of its outputs, that determine the initial state of a model.
+MOST_SAMPLES, MOST_VALUES = 2000, 8000
 # Half the distance that two real poles of a section get at least when a model is converted, and at
 # most in shares of their distance from the unit circle: slow poles differ by less.
 SEPARATION, SHARE_OF_DISTANCE, NEAREST_ONE = 2e-3, 0.02, 1e-7
@@ -198,12 +198,11 @@ def _initial_states(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
     data, states = errors.data, []
     form = replace(model, input_delays=(), covariance=None)
     for first, end in pairwise(data.bounds):
-        stop = min(end, first + MOST_SAMPLES)
+        stop = min(end, first + min(MOST_SAMPLES, MOST_VALUES // model.outputs))
         u = data.inputs[first:stop] * data.input_scales
         y = data.outputs[first:stop] * data.output_scales + data.output_offsets
-        states.append(
-            form.with_fitted_level(u, y)[1] if data.levels else form.prediction_state(u, y)
-        )
+        state = form.with_fitted_level(u, y)[1] if data.levels else form.prediction_state(u, y)
+        states.append(state)
     return np.nan_to_num(np.array(states).T)
 
 
