@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.automatic import structures
+from evopem.automatic import orders, structures
 from evopem.automatic.candidates import Candidate, Scorer, StructureSearch
 from evopem.automatic.cross_validation.folds import HeldOutScores, decide_folds
 from evopem.automatic.fit import CommonSettings
@@ -32,6 +32,7 @@ from evopem.automatic.structures import (
     _with_valid_noise,
     compare_structures,
 )
+from evopem.errors import InputError, NoModelError
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment
@@ -412,3 +413,27 @@ def test_a_noise_model_that_makes_held_out_errors_half_as_large_again_is_refuted
     assert [[(a.name, a.score) for a in d.alternatives] for d in said] == (
         [[(found.name, pytest.approx(prediction))]] if is_left else []
     )
+
+
+def test_a_structure_whose_search_fails_leaves_those_of_its_job(monkeypatch):
+    u, e = np.random.default_rng(0).standard_normal((2, 200))
+    segments = (Segment(u, np.concatenate([[0.0], u[:-1]]) + 0.1 * e),)
+    scorer = Scorer(segments, decide_folds(segments), CommonSettings(), delays=(1,))
+    found = orders.search_structure(scorer, "fir", {})
+
+    def fails(problem):
+        def search(*_):
+            raise problem
+
+        monkeypatch.setattr(orders, "_by_states", search)
+        return orders.search_structure(scorer, "ss", {})
+
+    for problem in (np.linalg.LinAlgError("it did not converge"), NoModelError("no finite errors")):
+        failed = fails(problem)
+        assert failed.candidates == ()
+        assert not failed.too_short
+        assert str(problem) in failed.decision.sentence
+        chosen = compare_structures(scorer, [found, failed]).choice("simulation")
+        assert chosen.candidate.structure == "fir"
+    with pytest.raises(InputError, match="mend it"):
+        fails(InputError("orders.nx", "wrong", "mend it"))

@@ -25,6 +25,7 @@ from evopem.automatic.state_space import fits_in_state_space, from_likeliest
 from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges
 from evopem.config.structures import OF_SIMULATION, ORDER_NAMES, REGULARISED, is_polynomial
+from evopem.errors import InputError
 from evopem.estimation.delays import ORDERS, likely_delays, longest_delay
 from evopem.estimation.search.problem import Log
 from evopem.models.orders import PER_INPUT, Orders
@@ -62,18 +63,29 @@ VALUES_PER_PARAMETER = 5
 def search_structure(
     scorer: Scorer, structure: str, smaller: Mapping[str, StructureSearch], log: Log | None = None
 ) -> StructureSearch:
-    """Orders of one structure, from small to large as long as they bring something."""
+    """Orders of one structure, from small to large as long as they bring something.
+
+    One whose search fails, as by a decomposition that does not converge, has no candidates: those
+    of the others, which the same job may search, stay.  InputError is the configuration's.
+    """
     for nested in smaller.values():
         scorer.remember(nested.candidates)
-    if is_polynomial(structure):
-        paths = _paths(scorer, structure)
-        candidates = [
-            c for path in paths for c in _along_path(scorer, structure, smaller, path, log)
-        ]
-    else:
-        candidates = _by_states(scorer, structure, smaller, log)
-    too_short = not candidates and (is_polynomial(structure) or not numbers_of_states(scorer))
-    decision = _decision(structure, candidates, too_short)
+    problem = ""
+    try:
+        if is_polynomial(structure):
+            paths = _paths(scorer, structure)
+            candidates = [
+                c for path in paths for c in _along_path(scorer, structure, smaller, path, log)
+            ]
+        else:
+            candidates = _by_states(scorer, structure, smaller, log)
+    except InputError:
+        raise
+    except ValueError as error:
+        candidates, problem = [], f"Its search failed: {error}."
+    nothing = not candidates and not problem
+    too_short = nothing and (is_polynomial(structure) or not numbers_of_states(scorer))
+    decision = _decision(structure, candidates, too_short, problem)
     return StructureSearch(structure, tuple(candidates), decision, too_short)
 
 
@@ -163,11 +175,11 @@ def numbers_of_states(scorer: Scorer) -> tuple[int, ...]:
     return tuple(range(low, high + 1))
 
 
-def _decision(structure: str, candidates: Sequence[Candidate], too_short: bool) -> Decision:
-    name, sentence = (
-        "none",
-        "No model of this structure was found, or rounding spoils each of them.",
-    )
+def _decision(
+    structure: str, candidates: Sequence[Candidate], too_short: bool, problem: str
+) -> Decision:
+    nothing = "No model of this structure was found, or rounding spoils each of them."
+    name, sentence = "none", problem or nothing
     if too_short:
         sentence = "The record is too short for this structure."
     elif candidates:
