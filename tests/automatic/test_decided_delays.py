@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.automatic.candidates import Scorer
+from evopem.automatic.candidates import OrderLimits, Scorer
 from evopem.automatic.cross_validation.folds import decide_folds
 from evopem.automatic.fit import CommonSettings
 from evopem.automatic.orders import decide_delays, in_runs, search_structure
+from evopem.config.settings import OrderRanges
 from evopem.estimation.delays import delays_by_criterion, longest_delay
 from evopem.models.orders import Orders
 from evopem.signals.recording import Segment
@@ -177,3 +178,15 @@ def test_weak_feedback_does_not_hide_a_response_to_the_same_sample():
     # Of a direct response that does not prevail feedback may be the cause.
     late = lfilter([0.03, 0.5], [1.0, -0.9], u) + lfilter([1.0], [1.0, -0.9], e)
     assert decide_delays([Segment(u, late)], ["u"]).shortest == 1
+
+
+def test_regularised_responses_begin_early_too_where_the_delay_is_long():
+    """A long delay may be wrong, and these responses need none."""
+    u, e = np.random.default_rng(4).standard_normal((2, 600))
+    segments = (Segment(u, lfilter([1.0], [1.0, -0.8], u) + 0.1 * e),)
+    plan = decide_folds(segments)
+    limits = OrderLimits(ranges=OrderRanges(nk=(1, 600)))
+    for delay, begins in ((40, {40, 1}), (3, {3})):
+        scorer = Scorer(segments, plan, CommonSettings(), limits, (delay,))
+        found = search_structure(scorer, "impulse", {}).candidates
+        assert {candidate.orders.single.nk for candidate in found} == begins

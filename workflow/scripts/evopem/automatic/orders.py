@@ -26,7 +26,7 @@ from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges
 from evopem.config.structures import OF_SIMULATION, ORDER_NAMES, REGULARISED, is_polynomial
 from evopem.errors import InputError
-from evopem.estimation.delays import ORDERS, likely_delays, longest_delay
+from evopem.estimation.delays import ORDERS, SHORT_DELAY, likely_delays, longest_delay
 from evopem.estimation.search.problem import Log
 from evopem.models.orders import PER_INPUT, Orders
 from evopem.models.polynomial import PolynomialModel
@@ -198,12 +198,19 @@ def _decision(
 def _paths(scorer: Scorer, structure: str) -> Iterator[list[list[Orders]]]:
     """Orders from small to large; those of a step are alternatives of about the same size.
 
-    One without poles is left out where limits ask for some.
+    One without poles is left out where limits ask for some.  A regularised response also begins as
+    early as it may where the delay is long: it needs none, and a long one is the more often wrong.
     """
     late = scorer.plan.late_response * (structure in REGULARISED)
-    for form, known in PATHS.get(structure, {structure: PATH}).items():
+    forms = [
+        (form, known, scorer.delays)
+        for form, known in PATHS.get(structure, {structure: PATH}).items()
+    ]
+    if structure in REGULARISED and max(scorer.delays, default=0) > SHORT_DELAY:
+        forms += [(form, known, (0,) * len(scorer.delays)) for form, known, _ in forms]
+    for form, known, delays in forms:
         sizes = sorted({*known, late or known[0]})
-        path = [orders_of_size(form, n, scorer.delays) for n in sizes]
+        path = [orders_of_size(form, n, delays) for n in sizes]
         smallest = path[0][0]
         if any(smallest.nf) or not any(scorer.limits.clamped(structure, smallest).nf):
             yield path
