@@ -50,7 +50,7 @@ def test_the_folds_of_one_input_always_fit_the_blow():
     plan = decide_folds((stretch,))
     assert plan.by_energy
     assert "single blow" in plan.decision.sentence
-    edges = response_parts(u, y, 5, SHORTEST_BLOCK)
+    edges = tuple(response_parts(u, y, 5, SHORTEST_BLOCK))
     for fold in folds_of((stretch,), 5, 1, SHORTEST_BLOCK, edges):
         assert max(each.input.max() for each in fold.training) > 0.9
         (held,) = fold.held_out

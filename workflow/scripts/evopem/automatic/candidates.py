@@ -337,7 +337,6 @@ class Scorer:
 
     def scored(self, candidate: Candidate) -> Candidate:
         """A candidate with its scores on held-out samples."""
-
         refitted = partial(self._refitted, candidate, on_folds=True)
         scores = held_out_scores(self.stretches, self.plan, refitted, self.absolute)
         return replace(candidate, scores=scores)

@@ -105,8 +105,7 @@ def fit(
         level=levels[0] if levels else 0.0,
         noise_variance=float(together @ together) / max(len(together) - len(point), 1),
     )
-    count = orders.parameters + len(levels)
-    return Fit(model, count, residuals, orders.first_residual)
+    return Fit(model, orders.parameters + len(levels), residuals, orders.first_residual)
 
 
 def _regularised(errors: PolynomialErrors, structure: str) -> Fit:

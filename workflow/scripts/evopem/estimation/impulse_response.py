@@ -119,8 +119,7 @@ class Evidence:
         return value, np.array(gradient)
 
     def _priors(self, kernel: Kernel, hyper: Array) -> list[tuple[Array, list[Array]]]:
-        rows = zip(self._rows(hyper), self.blocks, strict=True)
-        return [kernel(h, x.shape[1]) for h, x in rows]
+        return [kernel(h, x.shape[1]) for h, x in zip(self._rows(hyper), self.blocks, strict=True)]
 
     def _whitened(self, priors: Iterable[Array]) -> tuple[float, Array, Array] | None:
         """The value, the Cholesky factor of the target's covariance, and the target whitened.

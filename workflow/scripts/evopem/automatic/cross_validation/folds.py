@@ -232,7 +232,7 @@ def decide_folds(stretches: Sequence[Segment], delay: int = 0) -> FoldPlan:
         return [d for d in some if samples >= d[0] * d[1] * shortest] or [(2, 1)]
 
     overlaps = {
-        d: _overlap(folds_of(stretches, *d, shortest=1))
+        d: _overlap(folds_of(tuple(stretches), *d, shortest=1))
         for d in dict.fromkeys([*designs, *possible(designs)])
     }
     kept = [d for d in possible(designs) if overlaps[d] >= LEAST_OVERLAP]
@@ -254,13 +254,13 @@ def decide_folds(stretches: Sequence[Segment], delay: int = 0) -> FoldPlan:
     return FoldPlan(tuple(kept), about, decide_repetition(stretches), bool(of_response), late)
 
 
-def _response_edges(stretches: Sequence[Segment], count: int) -> list[int] | None:
+def _response_edges(stretches: Sequence[Segment], count: int) -> tuple[int, ...] | None:
     """Ends of the parts of the response to a single blow; None for other records."""
     inputs, outputs = (
         np.concatenate([getattr(stretch, name) for stretch in stretches])
         for name in ("inputs", "outputs")
     )
-    return response_parts(inputs, outputs, count, SHORTEST_BLOCK)
+    return tuple(response_parts(inputs, outputs, count, SHORTEST_BLOCK) or ()) or None
 
 
 def held_out_scores(
@@ -282,7 +282,7 @@ def held_out_scores(
     for design in plan.designs:
         of_design = []
         edges = _response_edges(stretches, design[0]) if plan.by_energy else None
-        folds = folds_of(stretches, *design, shortest, edges)
+        folds = folds_of(tuple(stretches), *design, shortest, edges)
         # The beginning of a recording determines state and level poorly.
         has_past = any(before.samples for fold in folds for before in fold.before)
         for fold in folds:

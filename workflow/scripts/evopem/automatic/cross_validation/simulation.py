@@ -43,10 +43,8 @@ def errors_with_levels(
     model: Model, before: Segment, held_out: Segment, fitted_levels: Sequence[bool], robust: bool
 ) -> list[Array]:
     """:func:`errors_simulated_on` with the model's level or a fitted one, each as asked for."""
-    known = before.samples or first_samples(held_out.samples)
-    both = _joined(before, held_out)
-    inputs, outputs = both.inputs, both.outputs
-    measured, (states, radius) = outputs[known:], _plant_of(model)
+    known, both = before.samples or first_samples(held_out.samples), _joined(before, held_out)
+    measured, radius = both.outputs[known:], _radius_of(model)
     # A drift may be the noise of a state that lasts: a predictor follows it, no validation does.
     bound = SearchSettings.max_root_radius
     lasts = isinstance(model, StateSpaceModel) and lies_at_bound(radius, bound)
@@ -58,8 +56,8 @@ def errors_with_levels(
             if runs_on:
                 simulated = [_continued(model, before, held_out, known)[0]] * len(fitted_levels)
             else:
-                given = inputs, outputs, fitted_levels, robust, known
-                simulated = [whole[known:] for whole in states.simulations(*given)]
+                given = both.inputs, both.outputs, fitted_levels, robust, known
+                simulated = [whole[known:] for whole in _plant_of(model).simulations(*given)]
         centre, errors = np.median if robust else np.mean, [s - measured for s in simulated]
         return [
             e - centre(e, axis=0) if fitted_level else e
@@ -68,10 +66,12 @@ def errors_with_levels(
 
 
 # One model after the other is simulated on the held-out parts of a fold, and predicted there.
+_plant_of = lru_cache(maxsize=1)(simulated_form)
+
+
 @lru_cache(maxsize=1)
-def _plant_of(model: Model) -> tuple[StateSpaceModel, float]:
-    """The plant in state space, and the largest radius of its poles."""
-    return simulated_form(model), float(np.abs(model.poles()).max(initial=0.0))
+def _radius_of(model: Model) -> float:
+    return float(np.abs(model.poles()).max(initial=0.0))
 
 
 @lru_cache(maxsize=1)
@@ -100,11 +100,11 @@ def simulated(model: Model, stretch: Segment, fitted_level: bool = False) -> Arr
 
     With ``fitted_level`` the level is fitted to the stretch as well.
     """
-    states, radius = _plant_of(model)
     with np.errstate(all="ignore"):
-        if not radius < STABLE:
+        if not _radius_of(model) < STABLE:
             return np.full(stretch.outputs.shape, np.inf)
-        return states.simulate_from_fitted_state(stretch.inputs, stretch.outputs, fitted_level)
+        given = stretch.inputs, stretch.outputs, fitted_level
+        return _plant_of(model).simulate_from_fitted_state(*given)
 
 
 def prediction_errors(model: Model, stretch: Segment, before: Segment | None = None) -> Array:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -34,12 +35,13 @@ def first_samples(stretches: Sequence[Segment], most: int) -> tuple[Segment, ...
     return tuple(stretch.between(0, n) for stretch, n in zip(stretches, kept, strict=True))
 
 
+@lru_cache(maxsize=4)  # all candidates of a record are scored on the same folds
 def folds_of(
-    stretches: Sequence[Segment],
+    stretches: tuple[Segment, ...],
     count: int,
     blocks_per_fold: int,
     shortest: int,
-    edges: Sequence[int] | None = None,
+    edges: tuple[int, ...] | None = None,
 ) -> tuple[Fold, ...]:
     """Divide stretches into ``count * blocks_per_fold`` blocks, dealt out to the folds in turn.
 
@@ -54,7 +56,7 @@ def folds_of(
     total, blocks = total_samples(stretches), count * blocks_per_fold
     folds = range(count)
     if edges is None:
-        edges = np.linspace(0, total, blocks + 1).round().astype(int).tolist()
+        edges = tuple(np.linspace(0, total, blocks + 1).round().astype(int).tolist())
     else:
         count = len(edges)
         folds = range(1, count - 1)

@@ -125,7 +125,7 @@ def _decimated_error(stretches: Sequence[Segment], factor: int) -> float:
 
 def _least_error(stretches: Sequence[Segment]) -> Array:
     """Mean square errors of the best of a few models on held-out halves, relative, (l,)."""
-    folds = folds_of(stretches, 2, 1, SHORTEST_BLOCK)
+    folds = folds_of(tuple(stretches), 2, 1, SHORTEST_BLOCK)
     held_out = [stretch for fold in folds for stretch in fold.held_out]
     power = np.mean(np.concatenate([y.outputs - y.outputs.mean(axis=0) for y in held_out]) ** 2, 0)
     errors: dict[str, list[Array]] = defaultdict(list)

@@ -212,7 +212,7 @@ def _folds(stretches: Sequence[Segment]) -> list[Fold]:
         fold
         for count, blocks in DESIGNS
         if samples >= count * blocks * SHORTEST
-        for fold in folds_of(stretches, count, blocks, SHORTEST)
+        for fold in folds_of(tuple(stretches), count, blocks, SHORTEST)
     ]
 
 

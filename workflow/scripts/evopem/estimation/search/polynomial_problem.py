@@ -119,7 +119,7 @@ class PolynomialProblem(BasinHoppingProblem):
         self, points: Array, stages: tuple[DescentStage, ...] = SWEEP_STAGES
     ) -> Descent:
         """One BFGS from each point."""
-        return staged_descent(self.errors, points, stages, float(np.min(self.values(points))))
+        return staged_descent(self.errors, points, stages)
 
     def polish(self, points: Array) -> Descent:
         """BFGS with ever less smoothing, each point to its own end; never worse than before."""

@@ -72,14 +72,15 @@ def staged_descent(
     errors: PredictionErrors,
     points: Array,
     stages: tuple[DescentStage, ...],
-    largest_value: float,
+    largest_value: float | None = None,
     first_damping: float = DAMPING,
     wait: float | None = WAIT,
 ) -> Descent:
     """BFGS from each point, preconditioned by its Gauss-Newton matrix, stage after stage.
     ``points`` (M, n): feasible.  ``largest_value``: values of the objective that weigh the barrier
-    are cut off here.  ``first_damping``: damping of the Gauss-Newton matrix in the first stage."""
+    are cut off here, or at the lowest.  ``first_damping``: of the Gauss-Newton matrix at first."""
     values = errors.values(points)
+    largest_value = float(np.min(values)) if largest_value is None else largest_value
     evaluations = len(points)
     damping = first_damping
     for stage in stages:
