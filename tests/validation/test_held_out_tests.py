@@ -14,6 +14,7 @@ from evopem.validation.held_out_tests import (
     HeldOutTest,
     improvement_test,
     joint_contribution_test,
+    may_follow,
 )
 from evopem.validation.modal_parts import free_responses
 from evopem.validation.responses import divided
@@ -202,3 +203,23 @@ def test_the_largest_of_all_frequencies_is_as_rare_as_its_level_says():
 def test_a_test_shows_a_part_whose_coefficient_it_knows_well():
     known, vague = HeldOutTest(-0.1, -0.5, 0.7, 100), HeldOutTest(1.5, 3.0, 0.002, 100)
     assert [test.would_show(0.01) for test in (known, vague, NO_TEST)] == [True, False, False]
+
+
+def looped(white, noise):
+    """An input under proportional feedback of a first-order plant."""
+    u, y = np.zeros((2, len(white)))
+    for t in range(len(white)):
+        y[t] = 0.8 * y[t - 1] + u[t - 1] + noise[t] if t else 0.0
+        u[t] = white[t] - 0.5 * y[t]
+    return u
+
+
+def test_an_input_of_a_loop_may_follow_noise_and_others_may_not():
+    white, noise = np.random.default_rng(5).standard_normal((2, 2000))
+    time = np.arange(2000)
+    assert may_follow(looped(white, noise))
+    assert may_follow(lfilter([1.0], [1.0, -0.7], white))  # who knows
+    assert not may_follow(white)
+    assert not may_follow(np.sin(1e-4 * time**2))
+    assert not may_follow(np.repeat(white[:200], 10))
+    assert not may_follow(np.zeros(2000))

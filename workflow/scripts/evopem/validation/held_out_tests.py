@@ -20,6 +20,8 @@ SIGNIFICANCE = 0.01
 FEWEST_SAMPLES = 40
 # Largest order of the autoregression that whitens the errors before they are compared.
 MOST_WHITENING = 30
+# Shares that an input's past leaves of it, between which it may be fed back.
+OF_ROUNDING, NEARLY_ALL = 1e-3, 0.95
 
 
 @dataclass(frozen=True)
@@ -186,6 +188,16 @@ def whitened(signal: Array) -> Array:
     """A signal without its mean and what its own past predicts, of the last samples."""
     centred = signal - signal.mean()
     return np.convolve(centred, autoregression(centred, MOST_WHITENING), mode="valid")
+
+
+def may_follow(signal: Array) -> bool:
+    """Whether an input may follow noise: it is not held, and its past tells a part of it alone.
+
+    That part is next to all of a sweep or multisine, and little where little is fed back.
+    """
+    spread = float(np.var(signal))
+    left = float(np.var(whitened(signal))) / spread if spread > 0.0 else 0.0
+    return OF_ROUNDING < left < NEARLY_ALL and bool(np.mean(np.diff(signal) == 0.0) < 0.5)
 
 
 def _vanishes(remainder: Array, signal: Array) -> bool:

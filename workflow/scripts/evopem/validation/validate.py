@@ -25,6 +25,7 @@ from evopem.validation.held_out_tests import (
     half_waves,
     joint_contribution_test,
     left_by,
+    may_follow,
 )
 from evopem.validation.modal_parts import free_responses
 from evopem.validation.mode_evidence import table_of_models
@@ -325,6 +326,7 @@ def _inputs(
                 split_spectra(u, validation.inputs[:, k], estimation.sampling_rate),
                 hidden[k],
                 input_significance(held_out, [k]) if model.inputs > 1 else of_all,
+                may_follow(u),
             )
         )
     return tuple(inputs)

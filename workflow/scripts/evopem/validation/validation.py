@@ -94,6 +94,7 @@ class InputValidation:
     split: SplitSpectra  # its spectra in estimation and validation samples beside each other
     hidden_hz: tuple[tuple[float, float], ...]  # where the others hide its response
     test: HeldOutTest  # as that of all inputs, of its response beside those to the others
+    may_follow: bool = False  # whether it may follow noise of the same sample
 
 
 @dataclass(frozen=True)

@@ -180,8 +180,8 @@ def input_independence(evidence: Evidence) -> Found | None:
     )
 
 
-def _of_class(test: ResidualTest, what: str, reason: str = "", unseen: str = "") -> Found:
-    """A test of what every model assumes, with what else is said where it fails, or passes."""
+def _of_class(test: ResidualTest, what: str, reason: str = "") -> Found:
+    """A test of what every model assumes, with what else is said where it fails."""
     if math.isnan(test.p_value):
         return None, "There are too few samples to test it.", "Use a longer record."
     return (
@@ -189,7 +189,7 @@ def _of_class(test: ResidualTest, what: str, reason: str = "", unseen: str = "")
         f"Regression of the whitened residuals on {what}: {p_text(test.p_value)}, explains"
         f" {100 * test.share:.2g} % of their variance (fails where p is below"
         f" {100 * SIGNIFICANCE:g} % and more than {100 * SMALL_SHARE:g} % is explained)."
-        f"{unseen if test.passed else reason}",
+        f"{'' if test.passed else reason}",
     )
 
 
@@ -240,9 +240,12 @@ def without_feedback(evidence: Evidence) -> Found | None:
         return True, "The input is periodic, so that little of it can follow the noise."
     if not evidence.validation.inputs:
         return None
-    same = " What acts on the same sample is not told from a response without delay."
-    unseen = same if 0 in evidence.model.delays else ""
-    return _of_class(test, "later samples of an input", unseen=unseen)
+    judged = _of_class(test, "later samples of an input")
+    inputs = zip(evidence.model.delays, evidence.validation.inputs, strict=False)
+    if judged[0] and any(delay == 0 and known.may_follow for delay, known in inputs):
+        same = "What acts on the same sample is not told from a response without delay."
+        return None, f"{judged[1]} {same}", "Set a delay of one sample at least for a controller."
+    return judged
 
 
 @check("Every spectral peak modelled")
