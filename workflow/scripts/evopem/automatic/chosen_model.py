@@ -275,10 +275,7 @@ def described_by_search(
 
 
 def _about_search(
-    choice: Choice,
-    result: ChosenModel,
-    compared: ChosenModel,
-    judged: Candidate | None = None,
+    choice: Choice, result: ChosenModel, compared: ChosenModel, judged: Candidate | None = None
 ) -> Decision:
     """What the search found, and whether it is taken."""
     name, known = choice.candidate.name, choice.candidate.scores

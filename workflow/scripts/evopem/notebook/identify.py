@@ -291,10 +291,7 @@ def _validation_signals(
 
 
 def _settings(
-    name: str,
-    recorded: Sequence[GivenSignals],
-    held_out: Sequence[GivenSignals],
-    keys: Keys,
+    name: str, recorded: Sequence[GivenSignals], held_out: Sequence[GivenSignals], keys: Keys
 ) -> DatasetSettings:
     """The settings that a data set of these keys has in a configuration."""
     signals = recorded[0]

@@ -215,10 +215,7 @@ def noise_orders(recording: Recording) -> tuple[int, ...]:
 
 
 def noise_models(
-    plant: StateSpaceModel,
-    recording: Recording,
-    settings: SearchSettings,
-    covariances: bool = True,
+    plant: StateSpaceModel, recording: Recording, settings: SearchSettings, covariances: bool = True
 ) -> list[StateSpaceModel | None]:
     """Noise models for the residuals of a plant, the lowest BIC first; None for white ones."""
     lost = max(plant.input_delays, default=0)

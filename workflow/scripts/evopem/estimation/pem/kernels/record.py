@@ -200,10 +200,7 @@ def workspace_for(record: Record) -> Workspace:
         x=lanes_table(record.inputs * record.rows if record.nf.any() else 1),
         v=lanes_table(record.rows if record.nd else 1),
         e=lanes_table(record.rows),
-        windows=(
-            lanes_table(stretch),
-            lanes_table(max(record.inputs, 1) * stretch),
-        ),
+        windows=(lanes_table(stretch), lanes_table(max(record.inputs, 1) * stretch)),
         smoothing=lanes_table(1),
         total=lanes_table(1),
     )
