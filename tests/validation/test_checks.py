@@ -540,6 +540,13 @@ def test_a_saturated_channel_is_named(good):
     assert check.statement.startswith("3 % of the output is saturated")
 
 
+def test_a_peak_that_a_model_without_noise_model_lacks_is_a_caution(good):
+    peaked = with_peaks(good, [0.4])
+    assert peaked.check("Every").word == "Failed"
+    silent = peaked.with_("model", structure="oe").check("Every")
+    assert (silent.passed, silent.word) == (False, "Caution")
+
+
 def test_root_gradient_against_finite_differences():
     coefficients = np.array([1.0, -1.5, 0.9, -0.2])
     for root in np.roots(coefficients):

@@ -16,7 +16,7 @@ from scipy.special import chdtrc
 
 from evopem.arrays import Array, Flags
 from evopem.signals.least_squares import ROWS, autoregression, triangle_of
-from evopem.signals.spectra import cross_correlation, goes_on, repetition_lag
+from evopem.signals.spectra import goes_on, repetition_lag
 from evopem.validation.held_out_tests import (
     MOST_WHITENING,
     SIGNIFICANCE,
@@ -83,8 +83,7 @@ class ModelClass:
     # Shares of the residuals that squares and cubes of the response explain alone, and those of
     # the inputs before it, the most of all outputs; empty without an input or nonlinearity
     powers: tuple[float, ...] = ()
-    # Of change and nonlinearity, where both are found, what explains less beside the other, whose
-    # traces it is; feedback where neither is there beside it
+    # Of change and nonlinearity what explains less beside the other; feedback where neither is
     follows: Followed = ""
 
 
@@ -246,8 +245,7 @@ def _left(stretch: _Stretch, output: int, rows: Rows) -> tuple[Array, Array, Arr
 
 
 def _of_outputs(stretches: Sequence[_Stretch], regressors: Regressors) -> ResidualTest:
-    """Test of regressors beside others, for each output over all stretches: by the likelihood
-    ratio, and by scores, which hold where the size of residuals depends on the regressors."""
+    """Test of regressors beside others for each output: by the likelihood ratio and by scores."""
     outputs, tests = stretches[0].residuals.shape[1], []
     for output in range(outputs):
         ratio, scores, freedom, samples = 0.0, 0.0, 0, 0
@@ -349,7 +347,7 @@ def _powers(stretches: Sequence[_Stretch]) -> tuple[float, ...]:
 
 
 def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
-    """Test of the correlations of residuals with later inputs, each whitened (Haugh 1976).
+    """Test of correlations of residuals with later inputs, each whitened (Haugh 1976), by scores.
 
     Squares and cubes of the input's past count as known: residuals of a nonlinear system depend on
     them, and so may later samples of an input that is not normal.
@@ -362,7 +360,7 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
     for output in range(first.residuals.shape[1]):
         for place in range(first.inputs.shape[1]):
             # Of the same sample, and of later ones.
-            statistics, freedom, samples = np.zeros(2), np.zeros(2, dtype=int), 0
+            statistics, freedom, samples, explained = np.zeros(2), np.zeros(2, dtype=int), 0, 0.0
             lags = [repetition_lag(stretch.inputs[:, place]) for stretch in stretches]
             for stretch, lag in zip(stretches, lags, strict=True):
                 e, u = stretch.residuals[:, output], stretch.inputs[:, place]
@@ -374,17 +372,19 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
                     continue
                 e, u = whitened(e), _innovations(u)
                 n = min(len(e), len(u))
-                values = cross_correlation(e[-n:], u[-n:], LATER)[LATER::-1]
-                values[0] *= not stretch.direct[place]
-                terms = n**2 / (n - np.arange(LATER + 1)) * values**2
-                statistics += terms[0], np.sum(terms[1:])
+                products = [e[-n : len(e) - k] * u[k - n :] for k in range(LATER + 1)]
+                sizes = [np.array([p @ p + 1e-300, n * np.var(e) * np.var(u)]) for p in products]
+                terms = np.array([np.sum(p) ** 2 for p in products])[:, None] / sizes
+                terms[0] *= not stretch.direct[place]
+                statistics += terms[0, 0], np.sum(terms[1:, 0])
+                explained += float(np.sum(terms[:, 1]))
                 freedom += not stretch.direct[place], LATER
                 samples += n
             if freedom[1]:
                 probable = chdtrc(np.maximum(freedom, 1), statistics)
                 p_value = min(2 * pairs * float(np.min(probable)), 1.0)
                 # Without what unrelated signals have by chance.
-                beyond = max(float(np.sum(statistics - freedom)) / samples, 0.0)
+                beyond = max((explained - float(np.sum(freedom))) / samples, 0.0)
                 tests.append(ResidualTest(p_value, beyond))
     nothing = REPEATS if periodic and all(periodic) else NOT_TESTED
     return min(tests, key=lambda test: test.p_value, default=nothing)

@@ -74,8 +74,7 @@ def _following(check: Check, causes: Sequence[str], coloured: bool, evidence: Ev
     if not (revisions and tested in (WHITE, INDEPENDENT_OF_INPUT)):
         return check
     too = ", as the coloured residuals do" * of_peaks
-    shown = f"{too}: no model tried against it ({revisions}) did as well"
-    return _from(check, causes[0], shown)
+    return _from(check, causes[0], f"{too}: no model tried against it ({revisions}) did as well")
 
 
 def _from(check: Check, cause: str, shown: str) -> Check:
@@ -96,7 +95,8 @@ def _with_reason(check: Check, evidence: Evidence) -> Check:
     followers, cause, shown = FOLLOWS.get(validation.model_class.follows, ((), "", ""))
     if check.name in followers:
         return _from(check, cause, f": {shown}")
-    if check.name == roots.INSIDE_BOUND and roots.is_of_noise(evidence.model):
+    unclaimed = check.name == residuals.spectral_peaks.name and not evidence.model.has_noise_model
+    if unclaimed or (check.name == roots.INSIDE_BOUND and roots.is_of_noise(evidence.model)):
         return replace(check, grade="caution")
     of_floor = validation.at_floor and check.name != WHITE
     if check.name not in BY_DISTORTION or not (distortion.shown or of_floor):
