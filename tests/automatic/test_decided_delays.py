@@ -167,6 +167,13 @@ def test_a_response_that_comes_back_late_is_inside_folds_and_regularised_lengths
         assert (plan.late_response in search.orders) == (expected > 0)
 
 
+def test_an_input_that_rests_after_one_early_blow_has_no_late_response():
+    u = (np.arange(600) == 3).astype(float)
+    y = lfilter([0.0, 1.0], [1.0, -1.6, 0.9], u)
+    y += 0.01 * np.random.default_rng(3).standard_normal(600)
+    assert decide_folds((Segment(u, y),), 1).late_response == 0
+
+
 def test_weak_feedback_does_not_hide_a_response_to_the_same_sample():
     """Past residuals explain 3 % of the input, the same sample nearly all that is new."""
     g = np.random.default_rng(2)

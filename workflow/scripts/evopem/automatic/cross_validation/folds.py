@@ -129,10 +129,10 @@ def late_response(stretches: Sequence[Segment], folds: int, delay: int) -> int:
         return 0
     stretch = Segment(stretch.inputs[: stretch.samples - delay], stretch.outputs[delay:])
     e, u = arx_residuals(stretch), stretch.input
-    if not np.ptp(e) > 0.0 < np.ptp(u):
-        return 0
     e, u = whitened(e), whitened(u)
     n = min(len(e), len(u))
+    if not np.ptp(e[-n:]) > 0.0 < np.ptp(u[-n:]):
+        return 0
     lags = np.arange(order + 1, min(longest, n // 2))
     errors = cross_correlation(e[-n:], u[-n:], n // 2)[n // 2 + lags] * n / np.sqrt(n - lags)
     late = lags[np.abs(errors) > -ndtri(LATE_BY_CHANCE / 2.0 / max(len(lags), 1))]
