@@ -349,6 +349,18 @@ def test_a_short_or_constant_record_is_not_judged():
     found = model_class([record])
     assert all(np.isnan(each.p_value) for each in (found.constant, found.linear))
     assert np.isnan([found.without_feedback.p_value, found.without_feedback.share]).all()
+    assert found.follows == ""
+
+
+def test_a_change_follows_from_no_nonlinearity_that_could_not_be_tested():
+    """120 samples are enough for the test of changes, 160 for that of nonlinearity."""
+    u, e = np.random.default_rng(2).standard_normal((2, 150))
+    y = lfilter([0.0, 1.0, 0.5], [1.0], u) * np.repeat([1.0, 3.0], 75) + 0.01 * e
+    model = PolynomialModel([1.0], [2.0, 1.0], nk=1)
+    found = model_class(divided(model, Recording(u, y, 1.0), 0))
+    assert not found.constant.passed
+    assert np.isnan(found.linear.p_value)
+    assert found.follows == ""
 
 
 @pytest.mark.parametrize("system", ["gain halved midway", "saturating"])

@@ -303,7 +303,8 @@ def _following(stretches: Sequence[_Stretch], tests: ModelClass, changing: Regre
         return _of_outputs(stretches, both)
 
     both = (changing, tests.constant), (_nonlinear, tests.linear)
-    failed = [regressors for regressors, test in both if not test.passed]
+    tested = [(regressors, test) for regressors, test in both if not math.isnan(test.p_value)]
+    failed = [regressors for regressors, test in tested if not test.passed]
     fed_back = tests.without_feedback.p_value < SIGNIFICANCE and not tests.without_feedback.passed
     if failed and fed_back and all(beside(r, _later).passed for r in failed):
         return "feedback"

@@ -241,7 +241,7 @@ def without_feedback(evidence: Evidence) -> Found | None:
     if not evidence.validation.inputs:
         return None
     judged = _of_class(test, "later samples of an input")
-    inputs = zip(evidence.model.delays, evidence.validation.inputs, strict=False)
+    inputs = zip(evidence.model.delays, evidence.validation.inputs, strict=True)
     if judged[0] and any(delay == 0 and known.may_follow for delay, known in inputs):
         same = "What acts on the same sample is not told from a response without delay."
         return None, f"{judged[1]} {same}", "Set a delay of one sample at least for a controller."
