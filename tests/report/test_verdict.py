@@ -181,6 +181,15 @@ def test_standard_errors_without_noise_are_given_with_care(results, monkeypatch)
     assert (use.answer, use.reason) == ("care", "there is no noise that they would come from")
 
 
+def test_rounding_errors_are_not_called_coloured(results, monkeypatch):
+    with_checks(monkeypatch, results)
+    test = replace(results.validation.outputs[0].ljung_box, p_value=1e-9)
+    coloured = with_outcome(of_structure(results, "oe"), outputs={"ljung_box": test})
+    for error, answer in ((1e-6, "care"), (1e-13, "good")):
+        found = verdict(with_outcome(coloured, prediction_error_percent=error))
+        assert answers(found)["one-step prediction"] == answer
+
+
 def test_the_sentence_names_every_use_with_its_answer(results):
     found = verdict(results)
     good = ", ".join(use.name for use in found.of("good")[:-1])

@@ -295,10 +295,10 @@ def _about_search(
     scores = [float(getattr(scores, kind)) for scores in (judged.scores, known)]
     does = "predicted one step ahead" if kind == "prediction" else "simulated"
     fell = compared.estimate.search.value - result.estimate.search.value
-    verdict = ": worse by more than chance, so that the compared model is kept." if worse else "."
+    kept = ": worse by a tenth or two standard errors, so that the compared model is kept."
     sentence = (
         f"The objective of {name} fell by {fell:.2g} in the search; held-out samples are {does}"
-        f" with {scores[0]:.3g} % instead of {scores[1]:.3g} %{verdict}"
+        f" with {scores[0]:.3g} % instead of {scores[1]:.3g} %{kept if worse else '.'}"
     )
     alternatives = (Alternative(SEARCHED, scores[0]), Alternative(COMPARED, scores[1]))
     return Decision(SUBJECT, COMPARED if worse else SEARCHED, alternatives, criterion, sentence)

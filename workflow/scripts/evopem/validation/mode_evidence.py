@@ -84,7 +84,7 @@ class ModeEvidence:
     shape_doubt: str = ""  # reason not to trust its shape, see :func:`shape_doubt`
     compared: int = 0  # number of orders that the recurrence is a share of
     confirmed: bool = True  # whether there are larger orders, or the largest ones have it alike
-    elsewhere: bool = False  # whether most of these have it with another frequency or damping
+    elsewhere: bool = False  # whether most models that have one near it have it elsewhere
     # Of a shape that is doubted: the row of the table with the neighbour whose shape spans with
     # this one a plane that is known
     pair: int | None = None
