@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from evopem.automatic.candidate_checks import feedback_test
 from evopem.automatic.candidates import OrderLimits, Scorer
 from evopem.automatic.cross_validation.folds import decide_folds
 from evopem.automatic.fit import CommonSettings
@@ -11,6 +12,7 @@ from evopem.automatic.orders import decide_delays, in_runs, search_structure
 from evopem.config.settings import OrderRanges
 from evopem.estimation.delays import delays_by_criterion, longest_delay
 from evopem.models.orders import Orders
+from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Segment
 
 POLES = [0.97 * np.exp(0.08j), 0.97 * np.exp(-0.08j), 0.9 * np.exp(0.2j), 0.9 * np.exp(-0.2j)]
@@ -107,6 +109,19 @@ def test_feedback_is_not_taken_for_a_delay_of_0():
     assert decide_delays([Segment(u, y)], ["u"], (0, 5)).delays == (0,)  # given, and believed
     free = lfilter([1.0, 0.5], [1.0, -0.5], r) + v
     assert decide_delays([Segment(r, free)], ["u"]).delays == (0,)
+
+
+def test_feedback_of_an_output_is_found_in_any_units():
+    generator, zeros = np.random.default_rng(3), np.zeros
+    y, r = generator.standard_normal((1500, 2)), generator.standard_normal(1500)
+    u = r + 0.5 * np.concatenate([[0.0], y[:-1, 0]])
+    model = StateSpaceModel(  # that predicts nothing: residuals are the outputs
+        *(zeros((1, 1)), zeros((1, 1)), zeros((2, 1)), zeros((2, 1)), zeros((1, 2))),
+        *(1.0, zeros(2), np.eye(2)),
+    )
+    tests = [feedback_test(model, [Segment(u, y * [unit, 1.0])]) for unit in (1.0, 1e-9)]
+    assert tests[0].p_value < 1e-20
+    assert tests[1].p_value == pytest.approx(tests[0].p_value, rel=1e-3)
 
 
 def test_errors_that_are_large_where_the_input_is_are_no_feedback():

@@ -235,7 +235,7 @@ def _of_input(u: Array, e: Array) -> ResidualTest:
     n, lags = len(e), min(10, len(e) // (15 * e.shape[1]))
     if lags < 1:
         return ResidualTest(1.0, 0.0)
-    u = (u - u.mean()) / max(float(np.std(u)), 1e-300)
+    u, e = (u - u.mean()) / max(float(np.std(u)), 1e-300), e / np.maximum(np.std(e, 0), 1e-300)
     past = [u[lags - k : n - k] for k in range(1, lags + 1)]
     known = np.column_stack([np.ones(n - lags), *(x**power for power in (1, 2, 3) for x in past)])
     errors = np.column_stack([x[lags - k : n - k] for x in e.T for k in range(1, lags + 1)])
