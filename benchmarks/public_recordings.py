@@ -21,7 +21,7 @@ import numpy as np
 from automatic_zoo import PEERS, automatic
 from evidence import write_section
 from recordings_of_others import Record, reserved, second, seen, third
-from recordings_of_others_later import fifth, fourth
+from recordings_of_others_later import fifth, fourth, sixth
 
 import evopem
 from evopem.automatic.cross_validation.simulation import errors_simulated_on
@@ -38,6 +38,7 @@ SETS: dict[str, tuple[Callable[[Path], Iterator[Record]], str, str]] = {
     "third": (third, ", third set", f"{UNSEEN} 1.00 times and 2.4 (480697e7)"),
     "fourth": (fourth, ", fourth set", f"{UNSEEN} 1.37 times and 2.2 (e0c31340)"),
     "fifth": (fifth, ", fifth set", f"{UNSEEN} 1.00 times and 1.9 (082daa19)"),
+    "sixth": (sixth, ", sixth set", "None was in view when any rule was made"),
 }
 
 

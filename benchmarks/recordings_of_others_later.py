@@ -77,6 +77,41 @@ the sets before, chosen by plots and documents and split before anything was run
 - ML-PSE/Machine_Learning_for_PSE (Apache; Fortuna et al. 2007): ``debutanizer_data.txt``
   (debutanizer of a refinery: temperature of the sixth tray, content of butane, shifted by its
   delay of 8 samples; the interval is not stated and counts as one second).
+
+The set ``sixth`` is for one measurement at the end: 12 recordings of other sources than those of
+the sets before, chosen by plots and documents and split before anything was run on any:
+
+- EAGRE-water-wave-impact-modelling/FSI_Experiments (none; MARIN, OMAE 2023): of
+  ``Exp3_irreg_waves_0.25m/gain_half`` the files ``WAVEMAKER_POS.h5m``, ``TIME_WAVEFLAP.h5m``,
+  ``WAVE_FORE.h5m`` and ``TIME_WAVE.h5m`` (wave basin: place of the flap, irregular waves of 2.25 s
+  at a probe, 7 s later, which is when the first waves arrive; every twentieth sample from 100 s);
+- INTO-CPS-Association/example_digital-twin_incubator (none): of ``20200917_calibration_fan_12v``
+  the files ``random_on_off_sequences.csv``, ``random_on_off_sequences_2.csv`` (incubator: heater
+  switched at random, temperature of the air; one file for each part);
+- saimh-ee/hvac-control (none; of the office building of Photon Energy): ``control_test.csv`` (room
+  under feedback: wanted temperature, temperature, every third sample of 1800 to 13200);
+- johnnv1/compensator_projects (MIT): ``20190701-23:37:34-Fs10-N4000-Nv100.csv`` (motor with a
+  belt and a tachometer: duty cycle in steps of random height, voltage; it has a dead zone);
+- kd0aij/impulse-response (GPL-3): of ``S250AQ/2016-12-13`` the files
+  ``log1_vehicle_rates_setpoint_0.csv``, ``log1_vehicle_attitude_0.csv`` (racing quadrotor with its
+  autopilot: demanded and measured rate of roll, logged at intervals that vary and read at 80 Hz);
+- VictorRenkin/MECA0062-1_vibration_testing (none): ``DPsv00002.mat`` of ``first_lab`` (structure
+  of a course at Liege, whose modes the course computed: one blow of a hammer, its force,
+  acceleration of the second accelerometer; the end of its ringing is for validation);
+- ramvasudevan/soft-robot-koopman (none; Bruder et al. 2019): ``softrobot_train-13_val-4.mat``, its
+  tenth trial (soft arm: second pressure, second coordinate of its tip; the third pressure, which is
+  not given, moves it as well);
+- boschresearch/Bosch-Engine-Datasets (CC BY-SA): ``raw_000010_measurement_000000.csv`` of
+  ``gengine1`` (gasoline engine whose speed varies, too: load, nitrogen oxides of 6000 samples, and
+  temperature of the exhaust manifold, every fifth sample);
+- mgmike1011/System_identification_lab (none): ``dane.mat`` (analogue circuit of a course at Poznan
+  that stands for a process: one filter, from sample 300);
+- dainnovation722/Time-Series-Regression-By-FFT (none; Fortuna et al. 2007): ``SRU_data.txt``
+  (recovery of sulphur in a refinery: secondary air under feedback, hydrogen sulphide, samples 4600
+  to 7000; other gases vary as well; the interval is not stated and counts as one minute);
+- malik-robert/HSM150-data (none): ``idf_pos_0.06_1.mat``, ``idf_pos_0.065_1.mat`` (drive HSM150
+  that starts from rest and has one step, of 0.01 and of 0.015 Nm: torque, speed, every twentieth
+  sample).
 """
 
 from __future__ import annotations
@@ -86,6 +121,7 @@ from functools import partial
 from pathlib import Path
 from zipfile import ZipFile
 
+import h5py
 import numpy as np
 from recordings_of_others import (
     CSV,
@@ -248,5 +284,74 @@ def fifth(folder: Path) -> Iterator[Record]:
             ("guitar amplifier", amplifier, 4000, 2000, 44_100.0),
             ("multisine battery", battery, 1800, 1200, 10.0),
             ("debutanizer", lambda: table(*column, skip_header=5), 1600, 794, 1.0),
+        )
+    )
+
+
+def sixth(folder: Path) -> Iterator[Record]:
+    """Recordings for one measurement at the end: 12, of one input and one output each."""
+    table = partial(columns_of, folder)
+
+    def basin() -> list[np.ndarray]:
+        def read(name: str, key: str) -> np.ndarray:
+            with h5py.File(folder / f"{name}.h5m") as file:
+                return file[key][:].ravel()
+
+        flap = read("WAVEMAKER_POS", "100.00 Hz/Flap 3 Pos")
+        at = read("TIME_WAVEFLAP", "100.00 Hz/Time")
+        probe = read("TIME_WAVE", "200.05 Hz/Time"), read("WAVE_FORE", "200.05 Hz/WAVE.FORE")
+        part = slice(10_000, 110_000, 20)
+        return [flap[part], np.interp(at[part] + 7.0, *probe)]
+
+    def incubator() -> list[np.ndarray]:
+        names = [f"random_on_off_sequences{end}.csv" for end in ("", "_2")]
+        rows = [np.genfromtxt(folder / name, dtype=str, **CSV)[:, [2, 6]] for name in names]
+        heater, temperature = np.concatenate(rows).T
+        return [(heater == "True").astype(float), temperature.astype(float)]
+
+    def racer() -> list[np.ndarray]:
+        demanded = table("log1_vehicle_rates_setpoint_0.csv", 0, 1, **CSV)
+        measured = table("log1_vehicle_attitude_0.csv", 0, 1, **CSV)
+        at = measured[0][0] + 12_500.0 * np.arange(5200, 6900)  # microseconds
+        return [np.interp(at, *demanded), np.interp(at, *measured)]
+
+    def hammer() -> list[np.ndarray]:
+        content = content_of(folder / "DPsv00002.mat")
+        return [content[key][:, 1] for key in ("X1", "X3")]
+
+    def arm() -> list[np.ndarray]:
+        name = folder / "softrobot_train-13_val-4.mat"
+        trial = content_of(name, simplify_cells=True)["train"][9]
+        return [trial["u"][:, 1], trial["y"][:, 1]]
+
+    def drive() -> list[np.ndarray]:
+        names = [folder / f"idf_pos_{torque}_1.mat" for torque in ("0.06", "0.065")]
+        return list(np.concatenate([content_of(name)["data"][::20] for name in names])[:, [4, 3]].T)
+
+    def office() -> list[np.ndarray]:
+        return [each[1800:13_200:3] for each in table("control_test.csv", 3, 1, **CSV)]
+
+    def manifold() -> list[np.ndarray]:
+        return [each[::5] for each in table(engine, 1, 11, **PLAIN)]
+
+    def circuit() -> list[np.ndarray]:
+        return [each[300:] for each in signals_of(folder, "dane.mat", "u", "y")]
+
+    engine = "raw_000010_measurement_000000.csv"
+    tachometer, sulphur = "20190701-23:37:34-Fs10-N4000-Nv100.csv", ("SRU_data.txt", 2, 5)
+    yield from first_samples_of(
+        (
+            ("wave basin", basin, 3000, 2000, 5.0),
+            ("incubator", incubator, 305, 506, 0.33),
+            ("office", office, 2500, 1300, 1 / 900),
+            ("tachometer", lambda: table(tachometer, 0, 1, **CSV), 2600, 1400, 10.0),
+            ("racing quadrotor", racer, 900, 800, 80.0),
+            ("struck structure", hammer, 1200, 1000, 512.0),
+            ("soft arm", arm, 2300, 1171, 12.05),
+            ("nitrogen oxides", lambda: table(engine, 1, 9, **PLAIN), 4000, 2000, 10.0),
+            ("exhaust manifold", manifold, 1750, 923, 2.0),
+            ("analogue circuit", circuit, 1700, 1000, 100.0),
+            ("sulphur", lambda: table(*sulphur, skip_header=4601), 1650, 750, 1 / 60),
+            ("HSM150", drive, 1000, 1000, 50.0),
         )
     )
