@@ -165,6 +165,25 @@ def test_a_pole_that_rounding_puts_beyond_the_bound_moves_the_bound_in(
     assert (np.abs(found.model.poles()).max() < 1.0) == (spoiled == 2)
 
 
+def test_a_model_from_which_no_descent_begins_further_inside_is_kept(candidate, monkeypatch):
+    recording, _, scorer, choice = candidate
+    refit, bounds = chosen_model.refitted_estimate, []
+
+    def rounded(model, data, settings):
+        bounds.append(settings.max_root_radius)
+        if len(bounds) == 2:
+            raise NoModelError("no start has finite errors")
+        estimate = refit(model, data, settings)
+        outside = replace(estimate.model, F=(np.poly([1.0 + 1e-8, 0.5]),))
+        return replace(estimate, model=outside)
+
+    monkeypatch.setattr(chosen_model, "refitted_estimate", rounded)
+    search = SearchSettings(evaluations=0, max_root_radius=1.0 - 1e-7)
+    found = chosen_model.estimate_candidate(choice.candidate, recording, scorer, search)
+    assert len(bounds) == 2
+    assert np.abs(found.model.poles()).max() > 1.0
+
+
 def test_an_undamped_pole_gains_nothing_by_the_state_it_begins_with():
     """A pole that a zero cancels, and whose state draws the slow wave of a drift."""
     generator = np.random.default_rng(1)

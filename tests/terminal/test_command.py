@@ -427,7 +427,9 @@ def test_a_single_step_is_identified(folder, undrawn, capsys):
     assert main([*RUN]) == 0
     shown = capsys.readouterr().out
     # What is left to predict there is noise; the step before tells the mode.
-    assert shown.replace("\u202f", " ").startswith("data: Good for the mode at 5.17 Hz; not for")
+    assert shown.replace("\u202f", " ").startswith(
+        "data: Good for the mode at 5.17 Hz; with care for standard errors; not for"
+    )
     page = (folder / "results" / "data" / "report.html").read_text()
     assert "not tested: the input does not change in the validation samples" in page
     model = evopem.load(folder / "results" / "data" / "model.json")

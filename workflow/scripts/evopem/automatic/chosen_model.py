@@ -156,7 +156,12 @@ def _polynomials(
         if 0.95 < bound < 1.0 <= np.abs(estimate.model.poles()).max(initial=0.0):
             # Coefficients of many poles near 1 are rounded to those of a pole beyond the bound.
             inside = replace(search, max_root_radius=1.0 - 10.0 * (1.0 - bound))
-            return _polynomials(candidate, estimation, scorer, inside, fit, log)
+            try:
+                return _polynomials(candidate, estimation, scorer, inside, fit, log)
+            except LostModelError:
+                raise
+            except InputError:
+                pass  # no descent begins so far inside: checks say that the model is unstable
     return estimate, scorer.limits.at_upper_ends(orders)
 
 
