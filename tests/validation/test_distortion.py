@@ -15,6 +15,7 @@ from scipy.signal import lfilter
 
 from evopem.models.polynomial import PolynomialModel
 from evopem.report.results_text import error_parts as sentences_of
+from evopem.signals.best_linear_approximation import realisations_of
 from evopem.signals.recording import Recording, concatenated
 from evopem.validation.distortion import Distortion, distortion_of, floors_of
 from evopem.validation.error_parts import ErrorParts, Part
@@ -299,6 +300,16 @@ def test_two_recordings_of_one_realisation_count_once():
     made = [record(hammerstein, lines, np.random.default_rng(5))[0] for _ in range(3)]
     shifted = replace(made[1], inputs=np.roll(made[1].inputs, 40, axis=0))
     assert judged([made[0], made[1], shifted]).realisations == 1
+
+
+def test_an_input_that_rests_for_some_periods_is_judged_by_the_others():
+    """A set point that moves on five days of the week: the two others repeat as well."""
+    day = np.zeros(96)
+    day[30:70] = 1.0
+    u = np.concatenate([np.zeros(2 * 96), np.tile(day, 5)])
+    y = linear(u) + 0.02 * np.random.default_rng(6).standard_normal(len(u))
+    assert realisations_of(u[:, None]) == (96, [slice(0, 222), slice(166, 672)])
+    assert judged([Recording(u, y, 1.0)]).realisations <= 1
 
 
 @pytest.mark.parametrize(

@@ -205,6 +205,8 @@ def _of_one_kind(whole: Sequence[_Realisation], period: int) -> list[_Realisatio
     kept: list[_Realisation] = []
     for part in whole:
         spectrum = part.inputs.mean(axis=0)
+        if not excited_lines(spectrum[None]).any():
+            continue  # an input that rests repeats as well
         others = [known.inputs.mean(axis=0) for known in kept]
         first = others[0] if others else spectrum
         lines = excited_lines(first[None]), excited_lines(spectrum[None])
