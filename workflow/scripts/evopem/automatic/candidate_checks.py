@@ -31,6 +31,7 @@ from evopem.validation.checks.roots import (
     INSIDE_BOUND,
     cancelling_pairs,
 )
+from evopem.validation.held_out_tests import left_by
 from evopem.validation.model_class import ResidualTest
 from evopem.validation.residual_tests import (
     autocorrelation_of,
@@ -239,17 +240,15 @@ def _of_input(u: Array, e: Array) -> ResidualTest:
     past = [u[lags - k : n - k] for k in range(1, lags + 1)]
     known = np.column_stack([np.ones(n - lags), *(x**power for power in (1, 2, 3) for x in past)])
     errors = np.column_stack([x[lags - k : n - k] for x in e.T for k in range(1, lags + 1)])
-    whole = np.column_stack([errors, u[lags:]])
-    left = whole - known @ np.linalg.lstsq(known, whole, rcond=None)[0]
+    left = left_by(known, np.column_stack([errors, u[lags:]]))
     errors, new = left[:, :-1], left[:, -1]
     point, _, rank, _ = np.linalg.lstsq(errors, new, rcond=None)
     freedom = len(new) - known.shape[1] - int(rank)
-    if freedom < 1 or rank < 1 or not np.sum((new - errors @ point) ** 2) > 0.0:
+    rest = float(np.sum((new - errors @ point) ** 2))
+    if freedom < 1 or rank < 1 or not rest > 0.0:
         return ResidualTest(1.0, 0.0)
     scores = errors * new[:, None]
     total = scores.sum(axis=0)
     statistic = float(total @ np.linalg.pinv(scores.T @ scores, hermitian=True) @ total)
-    explained = 1.0 - np.sum((new - errors @ point) ** 2) / np.sum(new**2)
-    return ResidualTest(
-        float(chdtrc(int(rank), statistic)), max(float(explained) - rank / len(new), 0.0)
-    )
+    beyond = 1.0 - rest / float(np.sum(new**2)) - rank / len(new)
+    return ResidualTest(float(chdtrc(int(rank), statistic)), max(float(beyond), 0.0))

@@ -205,12 +205,12 @@ def _of_one_kind(whole: Sequence[_Realisation], period: int) -> list[_Realisatio
     kept: list[_Realisation] = []
     for part in whole:
         spectrum = part.inputs.mean(axis=0)
-        if not excited_lines(spectrum[None]).any():
+        lines = excited_lines(spectrum[None])
+        if not lines.any():
             continue  # an input that rests repeats as well
         others = [known.inputs.mean(axis=0) for known in kept]
-        first = others[0] if others else spectrum
-        lines = excited_lines(first[None]), excited_lines(spectrum[None])
-        if np.array_equal(*lines) and not any(
+        of_first = excited_lines(others[0][None]) if others else lines
+        if np.array_equal(of_first, lines) and not any(
             same_realisation(spectrum, x, period) for x in others
         ):
             kept.append(part)

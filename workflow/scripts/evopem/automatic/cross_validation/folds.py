@@ -260,7 +260,7 @@ def _response_edges(stretches: Sequence[Segment], count: int) -> tuple[int, ...]
         np.concatenate([getattr(stretch, name) for stretch in stretches])
         for name in ("inputs", "outputs")
     )
-    return tuple(response_parts(inputs, outputs, count, SHORTEST_BLOCK) or ()) or None
+    return response_parts(inputs, outputs, count, SHORTEST_BLOCK)
 
 
 def held_out_scores(

@@ -93,7 +93,9 @@ REASON = (
 LEAST_POWER, ABOVE_NOISE, WHOLE_RESPONSE = 0.1, 2.0, 0.99
 
 
-def response_parts(inputs: Array, outputs: Array, count: int, shortest: int) -> list[int] | None:
+def response_parts(
+    inputs: Array, outputs: Array, count: int, shortest: int
+) -> tuple[int, ...] | None:
     """Ends of parts of equal energy of the response, the first one included.
 
     None where each of as many parts of equal length has input or response, there is no input, or
@@ -116,7 +118,7 @@ def response_parts(inputs: Array, outputs: Array, count: int, shortest: int) -> 
     response = np.cumsum(np.maximum(of_blocks - noise, 0.0))
     shares = np.r_[np.arange(1, count) / count, WHOLE_RESPONSE]
     ends = (np.searchsorted(response, shares * response[-1]) + 1) * shortest
-    bounds = [0, *np.unique(ends).tolist()]
+    bounds = (0, *np.unique(ends).tolist())
     return bounds if len(bounds) > 2 else None
 
 
