@@ -3,8 +3,9 @@
     PYTHONPATH=workflow/scripts python benchmarks/public_recordings.py --data FOLDER [--only NAME]
     PYTHONPATH=workflow/scripts python benchmarks/public_recordings.py --data FOLDER --set second
 
-``recordings_of_others.py`` and ``recordings_of_others_later.py`` say where the recordings come from
-and how each is split.  One that is missing is left out, with a message.
+``recordings_of_others.py`` and its later parts, ``recordings_of_others_later.py`` and
+``recordings_of_others_latest.py``, say where the recordings come from and how each is split.  One
+that is missing is left out, with a message.
 
 Only input, output and rate are given.  Errors are ``100 ||y - yhat|| / ||y - mean(y)||`` of
 simulations of validation samples, from the initial state that their first tenth determines; those
@@ -22,6 +23,7 @@ from automatic_zoo import PEERS, automatic
 from evidence import write_section
 from recordings_of_others import Record, reserved, second, seen, third
 from recordings_of_others_later import fifth, fourth, sixth
+from recordings_of_others_latest import seventh
 
 import evopem
 from evopem.automatic.cross_validation.simulation import errors_simulated_on
@@ -38,7 +40,8 @@ SETS: dict[str, tuple[Callable[[Path], Iterator[Record]], str, str]] = {
     "third": (third, ", third set", f"{UNSEEN} 1.00 times and 2.4 (480697e7)"),
     "fourth": (fourth, ", fourth set", f"{UNSEEN} 1.37 times and 2.2 (e0c31340)"),
     "fifth": (fifth, ", fifth set", f"{UNSEEN} 1.00 times and 1.9 (082daa19)"),
-    "sixth": (sixth, ", sixth set", "None was in view when any rule was made"),
+    "sixth": (sixth, ", sixth set", f"{UNSEEN} 0.91 times and 1.2 (cb5d3264)"),
+    "seventh": (seventh, ", seventh set", "None was in view when any rule was made"),
 }
 
 

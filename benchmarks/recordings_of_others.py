@@ -1,6 +1,6 @@
 """Recordings of others for ``public_recordings.py``: their sources, readers and splits.
 
-``recordings_of_others_later.py`` has the sets that were put together last.
+``recordings_of_others_later.py`` and ``recordings_of_others_latest.py`` have the later sets.
 
 The folder holds recordings that are free to download but are not part of the project, under these
 names: of DaISy (De Moor, KU Leuven) ``ballbeam.dat``, ``exchanger.csv``, ``flutter.dat``,

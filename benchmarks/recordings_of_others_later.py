@@ -1,4 +1,4 @@
-"""The latest sets of recordings of others for ``public_recordings.py``: sources, readers, splits.
+"""Later sets of recordings of others for ``public_recordings.py``: sources, readers, splits.
 
 The set ``fourth`` is for one measurement of the rules that followed the set ``third``: 14
 recordings, chosen by their plots and split before anything was run on any of them.  They come from
