@@ -1,5 +1,7 @@
 """The null distribution of the Ljung-Box statistic for the residuals of a fit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from covariances import covariance_of_matrix
@@ -9,7 +11,12 @@ from scipy.signal import lfilter
 from evopem import SearchSettings, estimate
 from evopem.estimation.state_space.estimate import estimates_of_orders
 from evopem.signals.recording import Recording
-from evopem.validation.residual_tests import EstimationResiduals, fit_effects, whiteness_test
+from evopem.validation.residual_tests import (
+    EstimationResiduals,
+    autocorrelation_of,
+    fit_effects,
+    whiteness_test,
+)
 from evopem.validation.responses import stretches_of
 
 SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=4, nu=4, evaluations=1)
@@ -28,7 +35,8 @@ def expected(seed, autoregressive=True, objective="quadratic"):
     # Of least absolute errors of normal residuals the variance is π/2 times as large.
     spread = np.var(residuals) * (1.0 if objective == "quadratic" else np.pi / 2)
     covariance = covariance_of_matrix(spread * np.linalg.inv(regressors.T @ regressors))
-    effects = fit_effects(lambda step: (residuals - regressors @ step)[:, None], covariance, 30)
+    along = lambda step: (-regressors @ step)[:, None]  # noqa: E731
+    effects = fit_effects(residuals[:, None], along, covariance, 30)
     return whiteness_test(residuals, 30, (), effects[0], objective).expected
 
 
@@ -56,6 +64,30 @@ def p_value(model, u, y, lags):
     tested = EstimationResiduals.of(stretches_of(model, recording))
     effects = tested.fit_effects(lags)
     return whiteness_test(tested.residuals[:, 0], lags, tested.bounds, effects[0]).p_value
+
+
+def test_effects_are_the_derivatives_of_the_autocorrelations():
+    """Of a delayed input, two outputs, two recordings: differences of fourth order beside them."""
+    generator = np.random.default_rng(3)
+    u, e = generator.standard_normal((200, 1)), generator.standard_normal((200, 2))
+    y = lfilter([0.0, 0.0, 1.0], [1.0, -1.5, 0.7], u, axis=0) * [1.0, 2.0] + e + [5.0, -3.0]
+    pair = {"segment_starts": (0, 90), "segment_recordings": (0, 1)}
+    recording = Recording(u, y, 1.0, **pair)
+    (fit,) = estimates_of_orders(recording, [2], delays=2, width=1)
+    stretches = stretches_of(fit.model, recording)
+    tested = EstimationResiduals.of(stretches)
+
+    def correlations(step):
+        moved = fit.model.with_parameters(fit.model.parameters + step)
+        residuals = EstimationResiduals.of([replace(s, model=moved) for s in stretches]).residuals
+        return np.array([autocorrelation_of(r, 8, tested.bounds).values[1:] for r in residuals.T])
+
+    effects = tested.fit_effects(8) / np.sqrt(len(tested.residuals))
+    for column, effect in zip(
+        fit.model.covariance.factor.T, effects.transpose(1, 0, 2), strict=True
+    ):
+        near, far = (correlations(h * column) - correlations(-h * column) for h in (1e-3, 2e-3))
+        assert effect == pytest.approx((8.0 * near - far) / 12e-3, abs=1e-8)
 
 
 def record(seed, noise, samples=600):

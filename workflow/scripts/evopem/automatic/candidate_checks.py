@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+from scipy.special import chdtrc
 
 from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import Model, prediction_errors
@@ -110,9 +111,10 @@ def _of_polynomials(
     lags = tested.whiteness_lags(orders.na + orders.nc + orders.nd)
     effects = np.zeros((1, 0, lags))
     if covariance is not None and lags > 0:
-        rest = np.zeros(errors.dimension - orders.parameters)
+        jacobian = errors.jacobian(point)[:, : orders.parameters]
         effects = fit_effects(
-            lambda step: errors.residuals(point + np.append(step, rest))[:, None],
+            tested.residuals,
+            lambda step: (jacobian @ step)[:, None],
             *(covariance, lags, tested.bounds),
         )
     e = tested.residuals[:, 0]
@@ -175,14 +177,13 @@ class _Residuals:
         """Whiteness of each output, and independence of each pair, by Bonferroni's bound."""
         if not (np.ptp(self.residuals) > 0.0 and np.isfinite(self.residuals).all()):
             return CandidateChecks((), 1.0, 0.0)
-        failed = []
         correlations = [autocorrelation_of(e, LAGS, self.bounds) for e in self.residuals.T]
         shares = [c.where(c.lag > 0).share_inside for c in correlations]
         white = [
             are_white(p_value, share, len(correlations[0].lag) - 1, len(correlations)) is not False
             for p_value, share in zip(p_values, shares, strict=True)
         ]
-        failed += [] if all(white) or structure in OF_SIMULATION else [WHITE]
+        failed = [] if all(white) or structure in OF_SIMULATION else [WHITE]
         pairs = [
             correlation_with_input(e, u, bounds=self.bounds)
             for u in self.inputs.T
@@ -231,8 +232,6 @@ def feedback_test(model: Model, stretches: Sequence[Segment]) -> ResidualTest:
 
 
 def _of_input(u: Array, e: Array) -> ResidualTest:
-    from scipy.special import chdtrc
-
     n, lags = len(e), min(10, len(e) // (15 * e.shape[1]))
     if lags < 1:
         return ResidualTest(1.0, 0.0)

@@ -84,13 +84,16 @@ def response_interval(
     gain, errors = np.abs(response), np.full((2, *response.shape), np.nan)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         form = state_space_of(model)
-        for place in range(form.outputs if form.covariance is not None else 0):
-            part, covariance = _of_output(form, place)
-            # In blocks: of many states and channels all derivatives would not fit into memory.
-            size = max(1, BLOCK // (response[0, 0].size * len(covariance) or 1))
-            for first in range(0, len(frequencies), size):
-                block = slice(first, first + size)
-                slopes = response_slopes(part, frequencies[block], noise)
+        z = np.exp(2j * np.pi * frequencies / form.sampling_rate)
+        # In blocks: of many states and channels all derivatives would not fit into memory.
+        entries = form.order * (form.order + form.inputs + 2)
+        size = max(1, BLOCK // (response[0, 0].size * entries or 1))
+        for first in range(0, len(z) if form.covariance is not None and response.size else 0, size):
+            block = slice(first, first + size)
+            resolvent = form.state_response(z[block], np.eye(form.order))
+            for place in range(form.outputs):
+                part, covariance = _of_output(form, place)
+                slopes = response_slopes(part, z[block], resolvent, noise)
                 rows = (slopes / response[block, place, :, None]).reshape(-1, slopes.shape[-1])
                 errors[:, block, place] = [
                     covariance.standard_errors(gradient).reshape(gain[block, place].shape)
@@ -120,15 +123,13 @@ def _of_output(model: StateSpaceModel, place: int) -> tuple[StateSpaceModel, Par
     return part(model), model.covariance.part(numbered.parameters.astype(np.intp))
 
 
-def response_slopes(model: StateSpaceModel, frequencies: Array, noise: bool) -> Complex:
+def response_slopes(model: StateSpaceModel, z: Complex, resolvent: Complex, noise: bool) -> Complex:
     """Derivatives of ``G``, or of ``H``, of one output by all entries but the level.
 
-    ``dG = C R dA R B + dC R B + C R dB + dD`` with ``R = (zI - A)^-1``, turned by the delays; (M,
-    m, entries), or (M, 1, entries).
+    ``dG = C R dA R B + dC R B + C R dB + dD`` with the resolvent ``R = (zI - A)^-1``, turned by the
+    delays; (M, m, entries), or (M, 1, entries).
     """
     n, nu = model.order, model.inputs
-    z = np.exp(2j * np.pi * frequencies / model.sampling_rate)
-    resolvent = model.state_response(z, np.eye(n))
     left, right = (model.C @ resolvent)[:, 0], resolvent @ (model.K if noise else model.B)
     sources, of_output = right.shape[2], n * n + n * nu
     slopes = np.zeros((len(z), sources, of_output + n + nu + n), complex)

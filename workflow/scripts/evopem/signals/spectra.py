@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy  # whose parts load on first use
 from numpy.typing import NDArray
 
 from evopem.arrays import Array, Complex
@@ -57,8 +58,6 @@ def multitaper_spectrum(
     scaled (by a few per cent at most for a stationary signal) so that its integral equals the
     variance.
     """
-    from scipy.stats import chi2
-
     spectra = _spectra([signal[:, None]], sampling_rate, time_halfbandwidth, nfft)
     freedom = spectra.freedom
     # Both sides of the spectrum; zero and Nyquist stand alone.
@@ -71,8 +70,8 @@ def multitaper_spectrum(
     return Spectrum(
         frequencies=spectra.frequencies,
         density=density,
-        lower=density * freedom / chi2.ppf(1.0 - tail, freedom),
-        upper=density * freedom / chi2.ppf(tail, freedom),
+        lower=density * freedom / scipy.stats.chi2.ppf(1.0 - tail, freedom),
+        upper=density * freedom / scipy.stats.chi2.ppf(tail, freedom),
         degrees_of_freedom=freedom,
         time_halfbandwidth=float(time_halfbandwidth),
         tapers=spectra.tapers,
@@ -109,10 +108,9 @@ class FrequencyResponse:
         Of n independent estimates it has the beta distribution of m and n - m (Carter 1987).  NaN
         where there are no more than m estimates.
         """
-        from scipy.stats import beta
-
         inputs, estimates = self.response.shape[2], self.degrees_of_freedom / 2.0
-        limit = beta.isf(probability, inputs, np.maximum(estimates - inputs, np.finfo(float).tiny))
+        rest = np.maximum(estimates - inputs, np.finfo(float).tiny)
+        limit = scipy.stats.beta.isf(probability, inputs, rest)
         return np.where(estimates > inputs, limit, np.nan)
 
 
@@ -126,8 +124,6 @@ def frequency_response(
     Student's, with ν - 2m degrees of freedom: ``|H_ij| ± t sqrt((S_uu^-1)_jj S_yy,i (1 - γ_i²) / (ν
     - 2m))`` (Bendat & Piersol 2010, section 9.2, for the modulus alone), cut off at 0.
     """
-    from scipy.stats import t as student
-
     inputs = recording.inputs.shape[1]
     parts = [s for s in recording.segments if s.samples > 2.0 * time_halfbandwidth]
     signals = [np.column_stack([part.inputs, part.outputs]) for part in parts or recording.segments]
@@ -144,7 +140,7 @@ def frequency_response(
     coherence = np.clip(explained / s_yy, 0.0, 1.0)
     # At zero and Nyquist the coefficients are real and the count is halved; keep one free.
     residual_freedom = np.maximum(freedom - 2.0 * inputs, 1.0)
-    quantile = student.ppf(0.5 + CONFIDENCE / 2.0, residual_freedom)
+    quantile = scipy.stats.t.ppf(0.5 + CONFIDENCE / 2.0, residual_freedom)
     left = s_yy * (1.0 - coherence) * (quantile**2 / residual_freedom)[:, None]
     radius = np.sqrt(left[:, :, None] * np.einsum("fii->fi", inverse).real[:, None, :])
     return FrequencyResponse(
@@ -215,8 +211,6 @@ def _spectra(
 @lru_cache(4)
 def _tapers(length: int, time_halfbandwidth: float) -> tuple[Array, Array]:
     """2NW - 1 sequences of unit energy, (K, length), and the share of each within its band."""
-    from scipy.signal.windows import dpss
-
     tapers = int(2 * time_halfbandwidth - 1)
     if tapers < 1:
         problem = f"{time_halfbandwidth:g} leaves no taper"
@@ -229,6 +223,7 @@ def _tapers(length: int, time_halfbandwidth: float) -> tuple[Array, Array]:
             f" {time_halfbandwidth:g}",
             "choose a larger nfft or a smaller time_halfbandwidth, or give more samples",
         )
+    dpss = scipy.signal.windows.dpss
     sequences, ratios = dpss(length, time_halfbandwidth, Kmax=tapers, return_ratios=True)
     # Rounding may give a share of 1 or more, but some leakage always remains.
     return sequences, np.minimum(ratios, 1.0 - np.finfo(np.float64).eps)
@@ -287,10 +282,9 @@ def _centred(signals: Array) -> Array:
 
 def _products(signals: Array, lags: int) -> Array:
     """Sums of products of (..., N) signals with themselves at lags 0 … `lags`."""
-    from scipy.fft import irfft, next_fast_len, rfft
-
-    length = next_fast_len(signals.shape[-1] + lags, real=True)
-    return np.asarray(irfft(np.abs(rfft(signals, length)) ** 2, length)[..., : lags + 1])
+    length = scipy.fft.next_fast_len(signals.shape[-1] + lags, real=True)
+    power = np.abs(scipy.fft.rfft(signals, length)) ** 2
+    return np.asarray(scipy.fft.irfft(power, length)[..., : lags + 1])
 
 
 def cross_correlation(first: Array, second: Array, lags: int) -> Array:
@@ -299,14 +293,12 @@ def cross_correlation(first: Array, second: Array, lags: int) -> Array:
     At lags k from -`lags` to `lags` < N. Of residuals with inputs, positive lags hold what the
     model has left unused of past inputs; negative ones show feedback.
     """
-    from scipy.signal import correlate
-
     samples = first.size
     x, y = _centred(first), _centred(second)
     energy = float(np.sqrt(np.dot(x, x)) * np.sqrt(np.dot(y, y)))
     if energy == 0.0:
         raise InputError("correlation", "a signal is constant", "give signals that vary")
-    products = correlate(x, y, method="fft")
+    products = scipy.signal.correlate(x, y, method="fft")
     return products[samples - 1 - lags : samples + lags] / energy
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
@@ -37,8 +38,6 @@ def positive_shift(*signals: Array) -> float:
 
 def box_cox(signal: Array, parameter: float, shift: float, source: str = "box_cox") -> Array:
     """``((y + shift)**parameter - 1) / parameter``, the logarithm at 0 (Box & Cox 1964)."""
-    from scipy.special import boxcox
-
     shifted = signal + shift
     if shifted.min() <= 0.0:
         first = int(np.argmax(shifted <= 0.0))
@@ -48,7 +47,7 @@ def box_cox(signal: Array, parameter: float, shift: float, source: str = "box_co
         )
         raise InputError(source, problem, "use box_cox: none", f"sample {first + 1}")
     with np.errstate(over="ignore"):
-        transformed = boxcox(shifted, parameter)
+        transformed = scipy.special.boxcox(shifted, parameter)
         back = invert_box_cox(transformed, parameter, shift)
     largest = float(np.max(np.abs(back - signal)))
     if not largest <= 1e-6 * float(np.ptp(signal)):
@@ -62,26 +61,22 @@ def box_cox(signal: Array, parameter: float, shift: float, source: str = "box_co
 
 def invert_box_cox(signal: Array, parameter: float, shift: float) -> Array:
     """Undo `box_cox`; NaN where a value lies outside the transform's range."""
-    from scipy.special import inv_boxcox
-
     # boxcox takes the logarithm below 1e-19, inv_boxcox the exponential at zero only.
-    return inv_boxcox(signal, parameter if abs(parameter) >= 1e-19 else 0.0) - shift
+    return scipy.special.inv_boxcox(signal, parameter if abs(parameter) >= 1e-19 else 0.0) - shift
 
 
 def likeliest_box_cox(signal: Array, shift: float, source: str = "box_cox") -> float:
     """The Box-Cox parameter in `BOX_COX_RANGE` of largest likelihood for a normal distribution."""
-    from scipy.optimize import minimize_scalar
-    from scipy.stats import boxcox_normmax
 
     def within_range(negative_likelihood):  # type: ignore[no-untyped-def]
-        return minimize_scalar(
+        return scipy.optimize.minimize_scalar(
             negative_likelihood, bounds=BOX_COX_RANGE, method="bounded", options={"xatol": 1e-8}
         )
 
     # The likelihood's maximiser does not depend on the unit; a unit scale avoids overflow.
     shifted = signal + shift
     scaled = shifted / np.exp(np.mean(np.log(shifted)))
-    parameter = float(boxcox_normmax(scaled, method="mle", optimizer=within_range))
+    parameter = float(scipy.stats.boxcox_normmax(scaled, method="mle", optimizer=within_range))
     low, high = BOX_COX_RANGE
     if not low + 1e-3 < parameter < high - 1e-3:
         problem = f"no parameter between {low:g} and {high:g} makes the output normal"
@@ -145,9 +140,7 @@ def resample_signal(signal: Array, ratio: Fraction) -> Array:
     The filter is linear-phase, and its delay is taken out. Beyond its ends (about 60 new samples)
     the signal is continued by odd reflection, which keeps its level and slope.
     """
-    from scipy.signal import resample_poly
-
-    return resample_poly(
+    return scipy.signal.resample_poly(
         signal, *ratio.as_integer_ratio(), window=anti_alias_filter(ratio), padtype="antireflect"
     )
 
@@ -157,13 +150,11 @@ def anti_alias_filter(ratio: Fraction) -> Array:
 
     Kaiser, J. F. (1974), "Nonrecursive digital filter design using the I0-sinh window".
     """
-    from scipy.signal import firwin, kaiserord
-
     # The new Nyquist frequency, as a share of the intermediate rate's own.
     nyquist = 1.0 / ratio.denominator
-    length, beta = kaiserord(STOP_BAND_DB, (1.0 - PASS_BAND) * nyquist)
+    length, beta = scipy.signal.kaiserord(STOP_BAND_DB, (1.0 - PASS_BAND) * nyquist)
     length |= 1  # an odd length has a whole-sample delay, which can be taken out exactly
-    return firwin(length, 0.5 * (1.0 + PASS_BAND) * nyquist, window=("kaiser", beta))
+    return scipy.signal.firwin(length, 0.5 * (1.0 + PASS_BAND) * nyquist, window=("kaiser", beta))
 
 
 # Lags of inputs and output in the regression, and the samples that a coefficient needs at least.

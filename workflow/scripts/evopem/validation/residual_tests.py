@@ -16,6 +16,7 @@ from scipy.special import chdtrc
 from evopem.arrays import Array, Flags, Integers
 from evopem.estimation.pem.covariance import density_at_zero
 from evopem.models.parameter_covariance import NORMAL_95, ParameterCovariance
+from evopem.models.states import delayed, states_of
 from evopem.signals import spectra as signals
 from evopem.validation.responses import HeldOut, unscored_samples
 
@@ -28,8 +29,6 @@ CROSS_CORRELATION_LAGS = 200
 
 # A sum of squares that is expected to be smaller than this has no distribution worth testing.
 LEAST_EXPECTED = 0.5
-# Step of a central difference, in standard deviations of the estimates.
-STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,24 +54,37 @@ class EstimationResiduals:
     def fit_effects(self, lags: int) -> Array:
         """What :func:`fit_effects` gives of the estimate; nothing where its spread is not known."""
         model = self.stretches[0].model
-
-        def residuals_after(step: Array) -> Array:
-            return np.concatenate(
-                [
-                    _residuals(replace(stretch, model=stretch.model.with_parameters(moved)))
-                    for stretch in self.stretches
-                    for moved in [stretch.model.parameters + step]
-                ]
-            )
-
         if model.covariance is None:
             return np.zeros((model.outputs, 0, lags))
-        return fit_effects(residuals_after, model.covariance, lags, self.bounds)
+        parts = [_derivatives(stretch) for stretch in self.stretches]
+        return fit_effects(
+            self.residuals,
+            lambda step: np.concatenate([along(step) for along in parts]),
+            *(model.covariance, lags, self.bounds),
+        )
 
 
 def _residuals(stretch: HeldOut) -> Array:
     errors = stretch.outputs - stretch.predicted_from_start()
     return errors[unscored_samples(stretch.model, len(errors)) :]
+
+
+def _derivatives(stretch: HeldOut) -> Callable[[Array], Array]:
+    """Of :func:`_residuals` along a step of the parameters, the first state held."""
+    model, u = stretch.model, delayed(stretch.inputs, stretch.model.delays)
+    e = stretch.outputs - stretch.predicted_from_start()
+    x = states_of(model.A, u @ model.B.T + e @ model.K.T, stretch.state)
+    signals = np.hstack([x, u, np.ones((len(e), 1)), e])
+
+    def along(step: Array) -> Array:
+        of = model.with_parameters(step)
+        outputs = np.hstack([of.C, of.D, of.level[:, None], np.zeros((len(of.C), len(of.C)))])
+        drives = np.hstack([of.A, of.B, np.zeros((len(of.A), 1)), of.K]) - model.K @ outputs
+        changes = signals @ outputs.T
+        changes += states_of(model.predictor, signals @ drives.T, None) @ model.C.T
+        return -changes[unscored_samples(model, len(e)) :]
+
+    return along
 
 
 def weighted_chi_square_tail(value: float, weights: ArrayLike) -> float:
@@ -151,25 +163,30 @@ def whiteness_test(
 
 
 def fit_effects(
-    residuals_after: Callable[[Array], Array],
+    residuals: Array,
+    along: Callable[[Array], Array],
     covariance: ParameterCovariance,
     lags: int,
     bounds: Sequence[int] = (),
 ) -> Array:
     """How far ``sqrt(N) r_k`` of each output move with independent errors of the estimates.
 
-    ``residuals_after``: the residuals, (N, l), after a step of the parameters.  Returns (l, r,
+    ``along``: derivatives of the residuals, (N, l), along a step of the parameters.  Returns (l, r,
     lags), for a standard deviation along each column of the factor of the covariance.
     """
-    effects = []
-    for column in covariance.factor.T:
-        with np.errstate(all="ignore"):
-            up, down = (residuals_after(sign * STEP * column) for sign in (1.0, -1.0))
-            moved = _autocorrelations(up, lags, bounds) - _autocorrelations(down, lags, bounds)
-        effects.append(math.sqrt(len(up)) / (2.0 * STEP) * moved[:, 1:])
-    if not effects:
-        return np.zeros((residuals_after(np.zeros(len(covariance))).shape[1], 0, lags))
-    return np.stack(effects, axis=1)
+    e = residuals - residuals.mean(axis=0)
+    before = _autocorrelations(residuals, lags, bounds)
+    effects = np.zeros((e.shape[1], covariance.factor.shape[1], before.shape[1] - 1))
+    length = scipy.fft.next_fast_len(len(e) + lags * (len(bounds) + 1), real=True)
+    with np.errstate(all="ignore"):
+        scale = 2.0 * math.sqrt(len(e)) / np.sum(e**2, axis=0)[:, None]
+        spectrum = scipy.fft.rfft(apart(e.T, bounds, lags), length).conj()
+        for k, column in enumerate(covariance.factor.T):
+            change = apart(along(column).T, bounds, lags)
+            spectra = spectrum * scipy.fft.rfft(change - change.mean(1, keepdims=True), length)
+            moved = scipy.fft.irfft(spectra.real, length)[:, : before.shape[1]]
+            effects[:, k] = scale * (moved - before * moved[:, :1])[:, 1:]
+    return effects
 
 
 @dataclass(frozen=True, eq=False)
