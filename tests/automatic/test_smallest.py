@@ -437,3 +437,5 @@ def test_a_structure_whose_search_fails_leaves_those_of_its_job(monkeypatch):
         assert chosen.candidate.structure == "fir"
     with pytest.raises(InputError, match="mend it"):
         fails(InputError("orders.nx", "wrong", "mend it"))
+    with pytest.raises(ValueError, match="shapes"):
+        fails(ValueError("the shapes differ"))

@@ -112,6 +112,20 @@ def test_a_verdict_follows_the_kind_of_a_check(results, monkeypatch, check, grad
         assert f"{word}: “White residuals”" in reasons["standard errors"]
 
 
+@pytest.mark.parametrize(("grade", "answer"), [("caution", "care"), ("defect", "no")])
+def test_a_check_that_follows_speaks_as_its_cause_does(results, monkeypatch, grade, answer):
+    """Distortion that no linear model removes is no fault, nor is what follows from it."""
+    with_checks(monkeypatch, results, grade, Linear=False, Constant_in_time=False)
+    listed = [
+        replace(check, grade="caution", follows_from="Linear")
+        if "Constant" in check.name
+        else check
+        for check in results.checks
+    ]
+    monkeypatch.setattr(type(results), "checks", property(lambda _: listed))
+    assert answers(verdict(results))["standard errors"] == answer
+
+
 @pytest.mark.parametrize("error", [100.0, 333.0])
 def test_a_model_no_better_than_the_mean_is_good_for_nothing_that_it_computes(
     results, monkeypatch, error

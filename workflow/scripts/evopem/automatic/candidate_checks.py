@@ -32,7 +32,7 @@ from evopem.validation.checks.roots import (
     INSIDE_BOUND,
     cancelling_pairs,
 )
-from evopem.validation.held_out_tests import left_by
+from evopem.validation.held_out_tests import left_by, scores_statistic
 from evopem.validation.model_class import ResidualTest
 from evopem.validation.residual_tests import (
     autocorrelation_of,
@@ -246,8 +246,5 @@ def _of_input(u: Array, e: Array) -> ResidualTest:
     rest = float(np.sum((new - errors @ point) ** 2))
     if freedom < 1 or rank < 1 or not rest > 0.0:
         return ResidualTest(1.0, 0.0)
-    scores = errors * new[:, None]
-    total = scores.sum(axis=0)
-    statistic = float(total @ np.linalg.pinv(scores.T @ scores, hermitian=True) @ total)
     beyond = 1.0 - rest / float(np.sum(new**2)) - rank / len(new)
-    return ResidualTest(float(chdtrc(int(rank), statistic)), max(float(beyond), 0.0))
+    return ResidualTest(float(chdtrc(int(rank), scores_statistic([left]))), max(float(beyond), 0.0))

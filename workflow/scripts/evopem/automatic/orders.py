@@ -25,7 +25,7 @@ from evopem.automatic.state_space import fits_in_state_space, from_likeliest
 from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges
 from evopem.config.structures import OF_SIMULATION, ORDER_NAMES, REGULARISED, is_polynomial
-from evopem.errors import InputError
+from evopem.errors import NoModelError
 from evopem.estimation.delays import ORDERS, SHORT_DELAY, likely_delays, longest_delay
 from evopem.estimation.search.problem import Log
 from evopem.models.orders import PER_INPUT, Orders
@@ -65,8 +65,8 @@ def search_structure(
 ) -> StructureSearch:
     """Orders of one structure, from small to large as long as they bring something.
 
-    One whose search fails, as by a decomposition that does not converge, has no candidates: those
-    of the others, which the same job may search, stay.  InputError is the configuration's.
+    One whose search fails by a decomposition that does not converge, or without a model, has no
+    candidates: those of the others, which the same job may search, stay.
     """
     for nested in smaller.values():
         scorer.remember(nested.candidates)
@@ -79,9 +79,7 @@ def search_structure(
             ]
         else:
             candidates = _by_states(scorer, structure, smaller, log)
-    except InputError:
-        raise
-    except ValueError as error:
+    except (NoModelError, np.linalg.LinAlgError) as error:
         candidates, problem = [], f"Its search failed: {error}."
     nothing = not candidates and not problem
     too_short = nothing and (is_polynomial(structure) or not numbers_of_states(scorer))

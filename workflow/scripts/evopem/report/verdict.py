@@ -144,7 +144,8 @@ def _use(key: UseKey, name: str, *findings: Finding) -> Use:
 
 def _by_checks(use: str, results: DatasetResults) -> Finding:
     """What the checks say of a use, and which of them speak against it."""
-    words = {c.name: "Failed" if c.follows_from else c.word for c in results.checks}
+    words = {check.name: check.word for check in results.checks}
+    words |= {c.name: words[c.follows_from] for c in results.checks if c.follows_from}
     essential, desirable = (
         [check for check, uses in table.items() if use in uses and check in words]
         for table in (ESSENTIAL, DESIRABLE)
@@ -255,16 +256,15 @@ def _frequency_response(results: DatasetResults) -> Use:
     if not half <= 100.0:
         wide = f"is wider than the gain itself at half of the frequencies or more{least}"
         text = f"its 95 % band {'is not known' if math.isnan(half) else wide}"
-    band: Finding = ("good" if half <= WIDE_BAND else "care", text)
-    peaks: Finding = ("good", "")
+    findings: list[Finding] = [("good" if half <= WIDE_BAND else "care", text)]
     if whole > WIDEST_OF_POWER:
-        peaks = "care", "the band is wider than half of the gain where the response is large"
-    tested: Finding = ("good", "")
+        text = "the band is wider than half of the gain where the response is large"
+        findings.append(("care", text))
     if results.model.has_input and is_number(error) and error >= USABLE_SIMULATION:
         # What the model leaves out of the response is not in the band.
         words = "it leaves" if results.of_responses else "simulations are off by"
-        tested = "care", f"{words} {percent(error)}, which hides errors of the gain"
-    return _use(key, name, band, peaks, tested, checked)
+        findings.append(("care", f"{words} {percent(error)}, which hides errors of the gain"))
+    return _use(key, name, *findings, checked)
 
 
 def _widest_band(table: pd.DataFrame) -> Array:

@@ -4,7 +4,7 @@ On the estimation samples Wald and likelihood-ratio tests reject too often after
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -158,16 +158,22 @@ def left_by(regressors: Array, signals: Array) -> Array:
     return np.asarray(signals - basis @ np.linalg.lstsq(basis, signals, rcond=1e-12)[0])
 
 
-def scores_statistic(blocks: Iterable[Array], triangle: Array, count: int) -> float:
-    """Lagrange-multiplier statistic of ``count`` regressors, for errors of any variances (White
-    1980).  Blocks of rows: known regressors, these, and errors; ``triangle``: of all of them."""
+def left_in_blocks(blocks: Iterable[Array], triangle: Array, count: int) -> Iterator[Array]:
+    """Rows of ``count`` regressors and errors less what known ones, before them in the blocks, fit.
+    ``triangle``: of all columns of all blocks, each of which is scaled by its length."""
     known = triangle.shape[1] - 1 - count
     size = np.maximum(np.linalg.norm(triangle, axis=0), 1e-300)
     basis, others = np.split(triangle / size, [known], axis=1)
     fit = np.linalg.lstsq(basis, others, rcond=1e-12)[0]
-    total, products = np.zeros(count), np.zeros((count, count))
     for block in blocks:
-        rest = block[:, known:] / size[known:] - block[:, :known] / size[:known] @ fit
+        yield block[:, known:] / size[known:] - block[:, :known] / size[:known] @ fit
+
+
+def scores_statistic(left: Iterable[Array]) -> float:
+    """Lagrange-multiplier statistic of regressors, for errors of any variances (White 1980).
+    ``left``: blocks of rows of regressors and errors without what others explain, (N, k + 1)."""
+    total, products = np.zeros(1), np.zeros((1, 1))
+    for rest in left:
         scores = rest[:, :-1] * rest[:, -1:]
         total, products = total + scores.sum(axis=0), products + scores.T @ scores
     return float(total @ np.linalg.pinv(products, rcond=1e-12, hermitian=True) @ total)

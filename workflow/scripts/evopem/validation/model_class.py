@@ -22,6 +22,7 @@ from evopem.validation.held_out_tests import (
     SIGNIFICANCE,
     filtered,
     left_by,
+    left_in_blocks,
     scores_statistic,
     whitened,
 )
@@ -101,8 +102,10 @@ def model_class(records: Sequence[HeldOut]) -> ModelClass:
         linear = _of_outputs(parts, _nonlinear)
         changed_at = _moment(parts, constant.share) if constant.p_value < SIGNIFICANCE else math.nan
         period = math.nan if changed_at > 0.0 and period > 0.0 else period
-        powers = _powers(parts) if linear.p_value < SIGNIFICANCE else ()
-        tests = ModelClass(constant, linear, _feedback(parts), changed_at, period, powers)
+        judged = linear.p_value < SIGNIFICANCE and bool(parts[0].of_powers)
+        powers = _alone(parts, _nonlinear).max(axis=0) if judged else np.empty(0)
+        given = changed_at, period, tuple(powers.tolist())
+        tests = ModelClass(constant, linear, _feedback(parts), *given)
         return replace(tests, follows=_following(parts, tests, changing))
 
 
@@ -260,7 +263,8 @@ def _of_outputs(stretches: Sequence[_Stretch], regressors: Regressors) -> Residu
                 continue
             n = len(stretch.residuals) - len(stretch.whitening[output]) + 1
             ratio += (n - triangle.shape[1] + 1) * math.log(before / after)
-            scores += scores_statistic(_blocks(stretch, output, rows), triangle, count)
+            blocks = _blocks(stretch, output, rows)
+            scores += scores_statistic(left_in_blocks(blocks, triangle, count))
             freedom, samples = freedom + count, samples + n
         if freedom:
             p_value = min(outputs * float(chdtrc(freedom, min(ratio, scores))), 1.0)
@@ -340,13 +344,6 @@ def _moment(stretches: Sequence[_Stretch], gradual: float) -> float:
     return sudden * float((place + 1) / (MOMENTS + 1) * len(stretches[0].inputs))
 
 
-def _powers(stretches: Sequence[_Stretch]) -> tuple[float, ...]:
-    """What squares and cubes of the response explain, and what those of the inputs do."""
-    if not stretches[0].of_powers:
-        return ()
-    return tuple(_alone(stretches, _nonlinear).max(axis=0).tolist())
-
-
 def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
     """Test of correlations of residuals with later inputs, each whitened (Haugh 1976), by scores.
 
@@ -357,36 +354,35 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
     it is not tested, and its periods are alike as those of an input with noise would not be.
     """
     first, tests, periodic = stretches[0], [], []
-    pairs = first.residuals.shape[1] * first.inputs.shape[1]
-    for output in range(first.residuals.shape[1]):
-        for place in range(first.inputs.shape[1]):
-            # Of the same sample, and of later ones.
-            statistics, freedom, samples, explained = np.zeros(2), np.zeros(2, dtype=int), 0, 0.0
-            lags = [repetition_lag(stretch.inputs[:, place]) for stretch in stretches]
-            for stretch, lag in zip(stretches, lags, strict=True):
-                e, u = stretch.residuals[:, output], stretch.inputs[:, place]
-                if len(e) < FEWEST_PER_REGRESSOR * LATER or not np.ptp(e) > 0.0 < np.ptp(u):
-                    periodic.append(False)
-                    continue
-                if lag or len(u) < 4 * max(lags):  # too short a part of such an input repeats too
-                    periodic.append(not lag or goes_on(u, lag))
-                    continue
-                e, u = whitened(e), _innovations(u)
-                n = min(len(e), len(u))
-                products = [e[-n : len(e) - k] * u[k - n :] for k in range(LATER + 1)]
-                sizes = [np.array([p @ p + 1e-300, n * np.var(e) * np.var(u)]) for p in products]
-                terms = np.array([np.sum(p) ** 2 for p in products])[:, None] / sizes
-                terms[0] *= not stretch.direct[place]
-                statistics += terms[0, 0], np.sum(terms[1:, 0])
-                explained += float(np.sum(terms[:, 1]))
-                freedom += not stretch.direct[place], LATER
-                samples += n
-            if freedom[1]:
-                probable = chdtrc(np.maximum(freedom, 1), statistics)
-                p_value = min(2 * pairs * float(np.min(probable)), 1.0)
-                # Without what unrelated signals have by chance.
-                beyond = max((explained - float(np.sum(freedom))) / samples, 0.0)
-                tests.append(ResidualTest(p_value, beyond))
+    pairs = list(np.ndindex(first.residuals.shape[1], first.inputs.shape[1]))
+    for output, place in pairs:
+        # Of the same sample, and of later ones.
+        statistics, freedom, samples, explained = np.zeros(2), np.zeros(2, dtype=int), 0, 0.0
+        lags = [repetition_lag(stretch.inputs[:, place]) for stretch in stretches]
+        for stretch, lag in zip(stretches, lags, strict=True):
+            e, u = stretch.residuals[:, output], stretch.inputs[:, place]
+            if len(e) < FEWEST_PER_REGRESSOR * LATER or not np.ptp(e) > 0.0 < np.ptp(u):
+                periodic.append(False)
+                continue
+            if lag or len(u) < 4 * max(lags):  # too short a part of such an input repeats too
+                periodic.append(not lag or goes_on(u, lag))
+                continue
+            e, u = whitened(e), _innovations(u)
+            n = min(len(e), len(u))
+            products = [e[-n : len(e) - k] * u[k - n :] for k in range(LATER + 1)]
+            sizes = [np.array([p @ p + 1e-300, n * np.var(e) * np.var(u)]) for p in products]
+            terms = np.array([np.sum(p) ** 2 for p in products])[:, None] / sizes
+            terms[0] *= not stretch.direct[place]
+            statistics += terms[0, 0], np.sum(terms[1:, 0])
+            explained += float(np.sum(terms[:, 1]))
+            freedom += not stretch.direct[place], LATER
+            samples += n
+        if freedom[1]:
+            probable = chdtrc(np.maximum(freedom, 1), statistics)
+            p_value = min(2 * len(pairs) * float(np.min(probable)), 1.0)
+            # Without what unrelated signals have by chance.
+            beyond = max((explained - float(np.sum(freedom))) / samples, 0.0)
+            tests.append(ResidualTest(p_value, beyond))
     nothing = REPEATS if periodic and all(periodic) else NOT_TESTED
     return min(tests, key=lambda test: test.p_value, default=nothing)
 
