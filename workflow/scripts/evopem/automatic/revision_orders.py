@@ -168,8 +168,7 @@ def earlier_delays(scorer: Scorer, candidate: Candidate) -> tuple[int, ...]:
     """The delays that residuals ask for, within the limits of the configuration."""
     delays = scorer.checks(candidate).earlier_delays
     given = of_each(scorer.limits.ranges.nk, scorer.limits.names, "delay.nk") if delays else ()
-    least = [limits[0] if limits else 0 for limits in given]
-    return tuple(map(max, delays, least))
+    return tuple(map(max, delays, [limits[0] if limits else 0 for limits in given]))
 
 
 def with_noise_models(scorer: Scorer, candidate: Candidate) -> Iterator[tuple[int, Candidate]]:

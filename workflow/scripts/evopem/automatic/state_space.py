@@ -50,8 +50,7 @@ def weighting_of(structure: str, settings: CommonSettings) -> OutputWeighting:
 
 def recording_of(stretches: Sequence[Segment]) -> Recording:
     """Stretches as a recording at 1 Hz."""
-    whole = Recording(stretches[0].inputs, stretches[0].outputs, 1.0)
-    return whole.with_segments(stretches)
+    return Recording(stretches[0].inputs, stretches[0].outputs, 1.0).with_segments(stretches)
 
 
 def fits_in_state_space(

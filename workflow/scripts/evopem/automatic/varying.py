@@ -179,8 +179,7 @@ def held_out_errors(scheduled: Scheduled, choose: Choose) -> Array:
     of_block, errors = blocks(scheduled), np.full(scheduled.data.samples, np.nan)
     for fold in np.unique(of_block[of_block >= 0]):
         held = of_block == fold
-        others = replace(scheduled, weights=np.where(held, 0.0, scheduled.weights))
-        if chosen := choose(others):
+        if chosen := choose(replace(scheduled, weights=np.where(held, 0.0, scheduled.weights))):
             errors[held] = chosen.errors[held]
     if np.any(of_block < 0):  # the state before a whole recording is not known: it has to decay
         for first, stop in pairwise(scheduled.bounds):

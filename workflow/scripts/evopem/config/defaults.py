@@ -92,8 +92,7 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
         datasets = shard_of(datasets, run.shard, source)
     conditions = {name: keys.get("conditions", {}) for name, keys in written.items()}
     asked = run.follow, listed(run.correct_for or ()), run.reference, run.false_alarms
-    following = following_of(conditions, *asked, source)
-    return Configuration(datasets, run, following, batches)
+    return Configuration(datasets, run, following_of(conditions, *asked, source), batches)
 
 
 def _dataset(name: str, entry: Keys, defaults: Keys, source: str) -> DatasetSettings:
@@ -118,8 +117,7 @@ def _dataset(name: str, entry: Keys, defaults: Keys, source: str) -> DatasetSett
         for key, value in defaults.items()
         if key not in absent
     }
-    paths = frozenset(paths_of(inherited)).difference(paths_of(written))
-    at = Place(source, at.name, paths)
+    at = Place(source, at.name, frozenset(paths_of(inherited)).difference(paths_of(written)))
     keys = _alone(_laid_over(inherited, written), kind)
     check_values(keys, kind, at)
     settings = settings_of(name, keys)
@@ -153,8 +151,7 @@ def _placed(error: InputError, datasets: Any, origin: Origin) -> InputError:
     """Name the place in a table or a pattern's entry where an error's key was written."""
     names = datasets if isinstance(datasets, Mapping) else ()
     for name in sorted(map(str, names), key=len, reverse=True):
-        place = f"datasets.{name}"
-        rest = error.place.removeprefix(place)
+        rest = error.place.removeprefix(f"datasets.{name}")
         if rest != error.place and (not rest or rest[0] == "."):
             here = origin.of_key(name, rest.removeprefix("."))
             return InputError(origin.source, error.problem, error.remedy, here)
@@ -184,10 +181,6 @@ def _built_in(kind: Kind, keys: Keys) -> Keys:
     return built_in | {"search": search}
 
 
-def _varying_of(given: Any) -> VaryingSettings | None:
-    return None if given == NONE else VaryingSettings(**({} if given == "auto" else given))
-
-
 def settings_of(name: str, written: Keys) -> DatasetSettings:
     """Build the settings of a data set from its checked keys; what is missing is built in.
 
@@ -206,7 +199,8 @@ def settings_of(name: str, written: Keys) -> DatasetSettings:
         automatic = _automatic_of(keys, OrderRanges(**ranges))
         split = {"discard": 0} | split
         transforms = {"box_cox": NONE, "difference": 0, "difference_input": 0} | transforms
-    resample = keys.get("resample", NONE)
+    resample, varying = keys.get("resample", NONE), keys.get("varying", NONE)
+    moving = {} if varying == "auto" else varying
     constraints = Constraints(**keys["constraints"]) if "constraints" in keys else None
     # However they were written: results that depend on them are those of their values.
     left_out = kind.absent() if kind.of_responses else ()
@@ -228,7 +222,7 @@ def settings_of(name: str, written: Keys) -> DatasetSettings:
         fit=FitSettings(keys.get("focus", "prediction"), constraints),
         geometry=keys.get("geometry"),
         continuous_time=keys.get("continuous_time"),
-        varying=_varying_of(keys.get("varying", NONE)),
+        varying=None if varying == NONE else VaryingSettings(**moving),
     )
 
 

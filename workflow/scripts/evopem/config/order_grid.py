@@ -31,8 +31,7 @@ DELAY_REFINED_IN = "nb"
 
 def phases_of_dataset(settings: DatasetSettings) -> tuple[str, ...]:
     """The phases of a data set, in their order; none of the automatic recipe."""
-    by_chapter = settings.automatic is None
-    return phases_of(settings.order_grid.structure) if by_chapter else ()
+    return phases_of(settings.order_grid.structure) if settings.automatic is None else ()
 
 
 def phase_of_orders_of(settings: DatasetSettings) -> str | None:

@@ -5,7 +5,7 @@ what it refuses, the JSON schema and the tables of the documentation. The text b
 with the clause that ends an error ("give ..."); the documentation has the rest as well.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Annotated, Literal, Self
 
 from pydantic import Field
@@ -198,11 +198,6 @@ class OrderRanges:
     nf: InputRanges = None
     nk: InputRanges = None
     delay: Range | None = None  # orders k of the models whose delays the chapter's recipe compares
-
-    @property
-    def of_polynomials(self) -> Self:
-        """The ranges that a search over the orders of polynomial models depends on."""
-        return replace(self, nx=None)
 
 
 CHAPTER_RANGES = OrderRanges(

@@ -129,8 +129,7 @@ def _files(written: Any, source: str, place: str) -> Any:
     """The files of a pattern in their order, or what was written where it is none."""
     if not isinstance(written, str) or "*" not in written:
         return written
-    literally = "*".join(map(glob.escape, written.split("*")))
-    matching = sorted(glob.glob(literally))  # noqa: PTH207
+    matching = sorted(glob.glob("*".join(map(glob.escape, written.split("*")))))  # noqa: PTH207
     if not matching:
         raise InputError(source, f"no file matches {written}", "correct the pattern", place)
     return matching

@@ -325,8 +325,7 @@ def estimate_continuous(
     settings = replace(settings or SearchSettings(), evaluations=EVALUATIONS)
     key = len(start), *(path.coefficients for path in paths)
     generator = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
-    ended = memetic_search(problem, settings, generator)
-    return problem.model(ended.point)
+    return problem.model(memetic_search(problem, settings, generator).point)
 
 
 def in_continuous_time(

@@ -78,8 +78,7 @@ def estimate_delays(
     high = longest_delay(recording.segments) if largest is None else largest
     low = np.broadcast_to(smallest, count).tolist()
     limits = list(zip(low, np.broadcast_to(high, count).tolist(), strict=True))
-    chosen = delays_by_criterion(recording.segments, limits)
-    return tuple(delay for delay, _ in chosen)
+    return tuple(delay for delay, _ in delays_by_criterion(recording.segments, limits))
 
 
 def delays_by_criterion(
@@ -329,7 +328,7 @@ def t_ratios_of_ends(model: PolynomialModel) -> tuple[float, float]:
     """Absolute t ratios of the first and the last coefficient of B; NaN without a covariance."""
     if model.covariance is None:
         return math.nan, math.nan
-    of_b = model.part("b")
+    of_b = model.orders.part("b")
     ends = np.eye(model.orders.parameters)[[of_b.start, of_b.stop - 1]]
     errors = model.covariance.standard_errors(ends)
     with np.errstate(divide="ignore", invalid="ignore"):

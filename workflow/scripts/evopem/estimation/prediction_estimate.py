@@ -118,8 +118,7 @@ def _searched_globally(
 def optimum_next_to(model: PolynomialModel, errors: PolynomialErrors) -> SearchResult | None:
     """Where a descent from a model, of these orders or smaller ones, ends, if it begins."""
     scaled, units = scaled_errors(errors)
-    models = [in_scaled_units(model, units)]
-    starts = PolynomialProblem(scaled, models, own_starts=False).starts()
+    starts = PolynomialProblem(scaled, [in_scaled_units(model, units)], own_starts=False).starts()
     if not len(starts):
         return None
     ended = descended(PolynomialProblem(scaled), starts[0])

@@ -174,8 +174,7 @@ def _noise_start(
     if states.any():
         point = solve_linear(errors, point[None, :], states, LINEAR_STEPS[errors.objective])[0]
     if o.nc or o.nd:
-        residuals = errors.residuals(point)
-        point[parts["c"]], point[parts["d"]] = noise_model(residuals, o.nc, o.nd)
+        point[parts["c"]], point[parts["d"]] = noise_model(errors.residuals(point), o.nc, o.nd)
     held = point.copy()
     point = errors.repair(point[None, :])[0]
     # Fixed poles may lie outside the region: only C and D are moved inside.
@@ -219,8 +218,7 @@ def _noise_fit(
         # A noise model without coefficients or states.
         value = float(errors.values(point[None, :])[0])
         return SearchResult(point, value, SearchDiagnostics.none())
-    largest = float(np.min(constrained.values(starts)))
-    optimum = multistart(constrained, starts, largest)
+    optimum = multistart(constrained, starts, float(np.min(constrained.values(starts))))
     return replace(optimum, point=constrained.points(optimum.point[None, :])[0])
 
 

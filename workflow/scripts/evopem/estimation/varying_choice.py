@@ -72,8 +72,7 @@ def _of_basis(
 ) -> Iterator[Chosen]:
     orders = orders_of("arx", most, nk)
     free = all_free(orders, basis)
-    problem = VaryingProblem(scheduled, orders, basis, free)
-    samples, triangle = problem.triangle()
+    samples, triangle = VaryingProblem(scheduled, orders, basis, free).triangle()
     rows, terms = np.nonzero(free)
     smaller = [basis.dimension] if basis.kind == "spline" else dimensions
     for order, dimension in product(range(1, most + 1), smaller):
@@ -248,8 +247,7 @@ def undersmoothed(scheduled: Scheduled, estimate: VaryingEstimate) -> VaryingEst
     is_long = len(estimate.errors) >= FEWEST_PER_WEIGHT * free.sum()
     if not is_long or len(np.unique(scheduled.schedule)) < basis.dimension or not np.any(moves):
         return estimate
-    values = model.coefficients(basis.moments)
-    weights = np.linalg.pinv(basis.at(basis.moments)) @ values
+    weights = np.linalg.pinv(basis.at(basis.moments)) @ model.coefficients(basis.moments)
     return _from(scheduled, replace(model, basis=basis, weights=weights.T), free)
 
 

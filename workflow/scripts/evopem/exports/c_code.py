@@ -139,8 +139,7 @@ def rendered(exported: Exported, templates: dict[str, str], **more: Any) -> dict
             for name, template in templates.items()
         }
     except ArithmeticError as error:
-        remedy = "estimate the model again"
-        raise InputError(exported.source, str(error), remedy) from None
+        raise InputError(exported.source, str(error), "estimate the model again") from None
 
 
 def environment(escaped: bool) -> "Environment":

@@ -103,8 +103,7 @@ def _feedthrough(model: Model) -> Flags:
     """Whether each input acts on each output in the same sample, (ny, nu)."""
     if isinstance(model, PolynomialModel):
         return np.array([[model.delayed_b(i)[0] != 0.0 for i in range(model.inputs)]])
-    at_once = np.array(model.delays) == 0
-    return np.asarray((model.D != 0.0) & at_once)
+    return np.asarray((model.D != 0.0) & (np.array(model.delays) == 0))
 
 
 def _compile(folder: Path, name: str) -> str:

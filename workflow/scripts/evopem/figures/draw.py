@@ -71,8 +71,7 @@ def panels_of(
     heights = [max(panel.height for panel in row) for row in rows]
     size = max(WIDTH, NARROW * across), max(sum(heights) / PIXELS, 1.8)
     figure = make(figsize=size, layout="constrained") if make else Figure(figsize=size)
-    grid = figure.subplots(len(rows), across, squeeze=False, height_ratios=heights)
-    return list(grid.ravel())
+    return list(figure.subplots(len(rows), across, squeeze=False, height_ratios=heights).ravel())
 
 
 @styled
@@ -373,8 +372,7 @@ class ShapeDrawing:
         for output, point, direction in self.channels:
             moved[point] += AMPLITUDE * self.size * entries[output] * direction
         flat = (moved @ self.view - self.low) * self.scale
-        placed: Array = np.column_stack([flat[:, 0], self.top - flat[:, 1]]) + self.offset
-        return placed
+        return np.asarray(np.column_stack([flat[:, 0], self.top - flat[:, 1]]) + self.offset)
 
     def _outline(self, flat: Array) -> str:
         words = [f"{x:.1f} {y:.1f}" for x, y in flat]
@@ -386,7 +384,6 @@ class ShapeDrawing:
 def _view(flat: Flags) -> Array:
     """Projection to two dimensions, (3, 2): onto a plane that holds all, else from a corner."""
     if flat.any():
-        kept = [axis for axis in range(3) if axis != int(np.flatnonzero(flat)[-1])]
-        return np.eye(3)[:, kept]
+        return np.eye(3)[:, [axis for axis in range(3) if axis != int(np.flatnonzero(flat)[-1])]]
     across, down = np.cos(np.radians(30.0)), -np.sin(np.radians(30.0))
     return np.array([[across, down], [-across, down], [0.0, 1.0]])

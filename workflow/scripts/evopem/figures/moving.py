@@ -97,8 +97,7 @@ def picture(data: PreparedData, model: VaryingModel) -> str:
     figure = Figure(figsize=(7.2, 3.0), layout="constrained")
     parts = [("Gain of the moving model", [frozen_gains(model)])]
     if model.schedule == "time":
-        seen = spectrograms(whole(data, VaryingSettings()))
-        parts.append(("Spectrogram of the output", seen))
+        parts.append(("Spectrogram of the output", spectrograms(whole(data, VaryingSettings()))))
     row = figure.subplots(1, len(parts), sharex=True, sharey=True, squeeze=False)[0]
     for axes, (title, drawn) in zip(row, parts, strict=True):
         top = max(float(levels.max()) for *_, levels in drawn)

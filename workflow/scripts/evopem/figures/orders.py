@@ -141,8 +141,7 @@ def convergence(results: DatasetResults) -> Chart:
 def stabilization(results: DatasetResults) -> Chart:
     """Natural frequencies over the model order, the spectrum of the output behind."""
     columns = ["order", "frequency_hz", "damping_ratio", "status"]
-    poles = [vars(pole) for pole in results.validation.modes.poles]
-    table = pd.DataFrame(poles, columns=columns)
+    table = pd.DataFrame([vars(pole) for pole in results.validation.modes.poles], columns=columns)
     if table.empty:
         return nothing("No candidate has an oscillating mode.")
     table.insert(2, "damping_percent", 100 * table.pop("damping_ratio"))

@@ -117,8 +117,7 @@ def _first_samples(results: DatasetResults, columns: list[str]) -> pd.DataFrame:
     gap = scored.iloc[:1] * np.nan
     parts = [part for recording in recordings for part in (recording.iloc[:shown], gap)][:-1]
     together = pd.concat(parts, ignore_index=True)
-    time = np.arange(len(together)) / results.model.sampling_rate
-    return together.assign(time_s=time)[columns]
+    return together.assign(time_s=np.arange(len(together)) / results.model.sampling_rate)[columns]
 
 
 def simulation(results: DatasetResults) -> Chart:

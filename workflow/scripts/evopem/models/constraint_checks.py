@@ -154,8 +154,7 @@ def _check_poles(constraints: Constraints, orders: Orders, sampling_rate: float)
         _refuse("max_pole_radius", f"{radius} is not positive", "give a radius above 0")
     if radius is not None and radius >= 1.0 and constraints.stability == "required":
         problem = f"{radius} allows poles that are not stable, and stability is required"
-        remedy = 'give a radius below 1, or set stability to "free"'
-        _refuse("max_pole_radius", problem, remedy)
+        _refuse("max_pole_radius", problem, 'give a radius below 1, or set stability to "free"')
     if damping is not None and not 0.0 <= damping < 1.0:
         _refuse("min_damping_ratio", f"{damping} is not a damping ratio", RATIO)
     nyquist, band = sampling_rate / 2.0, constraints.frequency_band

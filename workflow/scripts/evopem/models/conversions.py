@@ -1,5 +1,6 @@
 """Other forms of models: polynomials in state space, and a plant beside noise."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -143,18 +144,18 @@ def plant_of(model: StateSpaceModel, states: int) -> StateSpaceModel:
     """A model without the states of noise alone behind so many, with its part of the covariance."""
     if states == model.order:
         return model
+
+    def plant(whole: StateSpaceModel) -> StateSpaceModel:
+        parts = whole.A[:states, :states], whole.B[:states], whole.C[:, :states], whole.K[:states]
+        A, B, C, K = parts
+        return replace(whole, A=A, B=B, C=C, K=K, structure="ss_oe", covariance=None)
+
+    return replace(plant(model), covariance=covariance_of_part(model, plant))
+
+
+def covariance_of_part(
+    model: StateSpaceModel, part: Callable[[StateSpaceModel], StateSpaceModel]
+) -> ParameterCovariance | None:
+    """The covariance of the entries that a part of a model has of it; None where not known."""
     numbered = model.with_parameters(np.arange(model.parameters.size, dtype=float))
-    plant, places = (
-        replace(
-            whole,
-            A=whole.A[:states, :states],
-            B=whole.B[:states],
-            C=whole.C[:, :states],
-            K=whole.K[:states],
-            structure="ss_oe",
-            covariance=None,
-        )
-        for whole in (model, numbered)
-    )
-    known = model.covariance and model.covariance.part(places.parameters.astype(int))
-    return replace(plant, covariance=known)
+    return model.covariance and model.covariance.part(part(numbered).parameters.astype(np.intp))

@@ -202,8 +202,7 @@ def _energies(poles: Complex, shapes: Complex, drives: Complex) -> Array:
     finite = decay > 0.0
     driven = np.sum(np.abs(drives) ** 2, axis=1)
     per_pole = np.where(finite, driven / np.where(finite, decay, 1.0), 0.0)
-    energies: Array = np.abs(shapes) ** 2 * per_pole
-    return energies
+    return np.asarray(np.abs(shapes) ** 2 * per_pole)
 
 
 def _standard_errors(

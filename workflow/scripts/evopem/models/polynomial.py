@@ -19,7 +19,7 @@ from evopem.models.conversions import block_sizes, has_own_noise, innovations_fo
 from evopem.models.modes import Mode
 from evopem.models.orders import Orders
 from evopem.models.polynomial_form import Polynomials, impulse_response
-from evopem.models.polynomial_roots import powers_of_z, roots
+from evopem.models.polynomial_roots import on_circle, powers_of_z, roots
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording
 
@@ -230,7 +230,7 @@ class PolynomialModel(Polynomials):
 
     def frequency_response(self, frequencies: ArrayLike) -> Complex:
         """``G_i = B_i q^-nk_i / (A F_i)`` at frequencies in Hz, (..., 1, m)."""
-        z = self._backward_shift(frequencies)
+        z = on_circle(frequencies, self.sampling_rate).conj()
         columns = [_ratio(*self._path(place), z) for place in range(self.inputs)]
         if not columns:
             return np.empty((*z.shape, 1, 0), dtype=complex)
@@ -238,7 +238,7 @@ class PolynomialModel(Polynomials):
 
     def noise_response(self, frequencies: ArrayLike) -> Complex:
         """``H = C / (A D)`` at frequencies in Hz, (..., 1, 1)."""
-        z = self._backward_shift(frequencies)
+        z = on_circle(frequencies, self.sampling_rate).conj()
         return _ratio(self.C, self.noise_denominator, z)[..., None, None]
 
     def impulse_response(self, samples: int) -> Array:
@@ -286,10 +286,6 @@ class PolynomialModel(Polynomials):
     def _path(self, place: int) -> tuple[Array, Array]:
         """Numerator with its delay and denominator of G_i."""
         return self.delayed_b(place), np.convolve(self.A, self.F[place])
-
-    def _backward_shift(self, frequencies: ArrayLike) -> Complex:
-        angles = np.asarray(frequencies, dtype=float) / self.sampling_rate
-        return np.asarray(np.exp(-2j * np.pi * angles), dtype=complex)
 
 
 Model = PolynomialModel | StateSpaceModel

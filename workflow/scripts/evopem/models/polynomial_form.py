@@ -113,10 +113,6 @@ class Polynomials:
             return None
         return self.covariance.standard_errors(np.eye(self.orders.parameters))
 
-    def part(self, letter: str, place: int = 0) -> slice:
-        """Where the coefficients of one of a, b, c, d, f stand in :attr:`parameters`."""
-        return self.orders.part(letter, place)
-
     def delayed_b(self, place: int = 0) -> Array:
         """B of an input with its leading zeros, (nk + nb,); one zero without an input."""
         if not self.has_input:
@@ -159,7 +155,9 @@ class Polynomials:
         """Roots of one of a, b, c, d, f of a model of at most one input, with covariances."""
         if letter in "bf" and not self.has_input:
             return []
-        covariance = None if self.covariance is None else self.covariance.part(self.part(letter))
+        covariance = (
+            None if self.covariance is None else self.covariance.part(self.orders.part(letter))
+        )
         polynomial = getattr(self, letter.upper())
         return uncertain_roots(polynomial[0] if letter in "bf" else polynomial, covariance)
 
@@ -204,5 +202,4 @@ def impulse_response(above: Array, below: Array, samples: int) -> Array:
 
     impulse = np.zeros(samples)
     impulse[:1] = 1.0
-    response: Array = lfilter(above, below, impulse)
-    return response
+    return np.asarray(lfilter(above, below, impulse))

@@ -4,12 +4,19 @@ Monic ones are given by their coefficients after the leading 1.
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from evopem.arrays import Array, Complex
 from evopem.models.parameter_covariance import ParameterCovariance
 
 # 95 % points of chi-square with one and two degrees of freedom.
 CHI_SQUARE_95 = {1: 3.841458820694124, 2: 5.991464547107979}
+
+
+def on_circle(frequencies: ArrayLike, sampling_rate: float) -> Complex:
+    """Points of the unit circle of the z plane at frequencies in Hz, of their shape."""
+    angles = np.asarray(frequencies, dtype=float) / sampling_rate
+    return np.asarray(np.exp(2j * np.pi * angles), dtype=complex)
 
 
 def roots(coefficients: Array) -> Complex:
@@ -65,8 +72,7 @@ def root_gradient(coefficients: Array, root: complex) -> Complex:
 
     dr/dc_i = −r^(n−i) / p'(r); not finite at a repeated root.
     """
-    degree = coefficients.size - 1
-    powers = root ** np.arange(degree, -1, -1)
+    powers = root ** np.arange(coefficients.size - 1, -1, -1)
     with np.errstate(divide="ignore", invalid="ignore"):
         return -powers / np.polyval(np.polyder(coefficients), root)
 

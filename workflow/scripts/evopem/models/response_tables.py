@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evopem.arrays import Array, Complex
+from evopem.models.conversions import covariance_of_part
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import NORMAL_95, ParameterCovariance
 from evopem.models.polynomial import Model, state_space_of
+from evopem.models.polynomial_roots import on_circle
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.states import delayed, powers_times
 
@@ -84,7 +86,7 @@ def response_interval(
     gain, errors = np.abs(response), np.full((2, *response.shape), np.nan)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         form = state_space_of(model)
-        z = np.exp(2j * np.pi * frequencies / form.sampling_rate)
+        z = on_circle(frequencies, form.sampling_rate)
         # In blocks: of many states and channels all derivatives would not fit into memory.
         entries = form.order * (form.order + form.inputs + 2)
         size = max(1, BLOCK // (response[0, 0].size * entries or 1))
@@ -111,7 +113,6 @@ def response_interval(
 
 def _of_output(model: StateSpaceModel, place: int) -> tuple[StateSpaceModel, ParameterCovariance]:
     """The model of one output, from the inputs and its own innovations, and its covariance."""
-    assert model.covariance is not None
     output = slice(place, place + 1)
 
     def part(of: StateSpaceModel) -> StateSpaceModel:
@@ -119,8 +120,9 @@ def _of_output(model: StateSpaceModel, place: int) -> tuple[StateSpaceModel, Par
         noise = of.noise_covariance[output, output]
         return StateSpaceModel(*parts, of.sampling_rate, of.level[output], noise, of.input_delays)
 
-    numbered = part(model.with_parameters(np.arange(len(model.covariance), dtype=float)))
-    return part(model), model.covariance.part(numbered.parameters.astype(np.intp))
+    covariance = covariance_of_part(model, part)
+    assert covariance is not None
+    return part(model), covariance
 
 
 def response_slopes(model: StateSpaceModel, z: Complex, resolvent: Complex, noise: bool) -> Complex:
@@ -320,8 +322,7 @@ def time_response_table(
         for end, sign in (("", 0.0), ("_lower", -1.0), ("_upper", 1.0)):
             ends = values + sign * NORMAL_95 * errors if sign else values
             columns |= {name + end: of_end for name, of_end in zip(names, ends, strict=True)}
-    times = np.arange(samples) / model.sampling_rate
-    return by_pair(outputs, inputs, "time_s", times, columns)
+    return by_pair(outputs, inputs, "time_s", np.arange(samples) / model.sampling_rate, columns)
 
 
 def response_length(model: Model) -> int:

@@ -15,6 +15,7 @@ from evopem.config.settings import Hold
 from evopem.models.continuous import ContinuousModel, continuous_of
 from evopem.models.modes import Mode, state_space_modes
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial_roots import on_circle
 from evopem.models.states import delayed, fitted, powers_times, probable, states_of
 
 StateSpaceStructure = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
@@ -266,18 +267,14 @@ class StateSpaceModel:
 
     def frequency_response(self, frequencies: ArrayLike) -> Complex:
         """``G = C (zI - A)^-1 B + D`` with its delays at frequencies in Hz, (..., ny, nu)."""
-        z = self._circle(frequencies)
-        delays = np.asarray(self.delays, dtype=float)
-        shift = z[..., None, None] ** -delays
+        z = on_circle(frequencies, self.sampling_rate)
+        shift = z[..., None, None] ** -np.asarray(self.delays, dtype=float)
         return (self.resolvent(z, self.B) + self.D) * shift
 
     def noise_response(self, frequencies: ArrayLike) -> Complex:
         """``H = C (zI - A)^-1 K + I`` at frequencies in Hz, (..., ny, ny)."""
-        return self.resolvent(self._circle(frequencies), self.K) + np.eye(self.outputs)
-
-    def _circle(self, frequencies: ArrayLike) -> Complex:
-        angles = np.asarray(frequencies, dtype=float) / self.sampling_rate
-        return np.asarray(np.exp(2j * np.pi * angles), dtype=complex)
+        z = on_circle(frequencies, self.sampling_rate)
+        return self.resolvent(z, self.K) + np.eye(self.outputs)
 
     def impulse_response(self, samples: int) -> Array:
         """Responses to unit impulses at sample 0, (samples, ny, nu)."""

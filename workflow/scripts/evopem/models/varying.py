@@ -164,8 +164,7 @@ class VaryingModel:
         order = order[: self.frozen_orders.parameters].astype(int)
         covariance = self.covariance
         if covariance is not None:
-            by_weight = np.kron(np.eye(len(values))[order], functions)
-            covariance = covariance.through(by_weight)
+            covariance = covariance.through(np.kron(np.eye(len(values))[order], functions))
         return model_of(
             self.frozen_orders,
             values[order],

@@ -149,8 +149,7 @@ def complete_model(
         if hold is not None:
             data = load_prepared(files.prepared, files.transforms).estimation
             of_plant = record.plant if record.orders is None else record.polynomials.plant()
-            in_s = in_continuous_time(of_plant, data, hold, search)
-            record = replace(record, continuous=in_s)
+            record = replace(record, continuous=in_continuous_time(of_plant, data, hold, search))
         write_model(files, record, rivals)
 
 
@@ -161,8 +160,7 @@ def write_model(files: DatasetFiles, record: ModelRecord, rivals: Sequence[Model
     with one_blas_thread():
         responses = frequency_response_table(model, *names, plant, rivals=rivals)
         write_table(files.frequency_response, responses)
-        times = time_response_table(model, *names, record.plant, rivals)
-        write_table(files.time_response, times)
+        write_table(files.time_response, time_response_table(model, *names, record.plant, rivals))
     save(record, files.model)
     save_model_mat(record.model, files.model_mat, record.continuous)
 

@@ -81,8 +81,7 @@ def write_results(
     save(summary, files.summary)
     save_model_mat(record.model, files.model_mat, record.continuous)
     _save_tables(files, fit, record, info.sampling_rate / 2.0)
-    names = record.input_names, record.output_names
-    write_table(files.modes, validation.modes.rows(*names))
+    write_table(files.modes, validation.modes.rows(record.input_names, record.output_names))
     write_text(files.config, yaml_text(settings))
     known = {"settings": settings, "model": record, "validation": validation}
     results = read_results(files, recording_info=info, **known)

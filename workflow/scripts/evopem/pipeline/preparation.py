@@ -84,8 +84,7 @@ def prepare_samples(
         with errors_name_dataset(files), one_blas_thread():
             delay = decide_delays(stretches, names, delays)
             save(delay, files.decision("delay"))
-            longest = max(delay.delays, default=0)
-            save(decide_folds(stretches, longest), files.decision("folds"))
+            save(decide_folds(stretches, max(delay.delays, default=0)), files.decision("folds"))
 
 
 def _check_samples(requirements: SampleRequirements, prepared: PreparedData, place: str) -> None:

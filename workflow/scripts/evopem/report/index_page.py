@@ -272,8 +272,7 @@ def _listed(names: list[str]) -> str:
 
 def damage_charts(table: pd.DataFrame) -> list[dict[str, str]]:
     """The chart of each structure, on a logarithmic scale: SVG paths, and words at their edges."""
-    known = table[table["damage_index"].notna()]
-    groups = known.groupby("group", sort=False)
+    groups = table[table["damage_index"].notna()].groupby("group", sort=False)
     return [_damage_chart(str(group), rows, groups.ngroups > 1) for group, rows in groups]
 
 

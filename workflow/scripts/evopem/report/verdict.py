@@ -390,8 +390,7 @@ def _origin(results: DatasetResults, evidence: ModeEvidence) -> str:
     driven = np.abs(evidence.mode.input_participation)
     if results.prepared is not None:
         driven = driven * results.prepared.estimation.inputs.std(axis=0)
-    shares = driven / max(float(driven.sum()), 1e-300)
-    return f"driven by {_strongest(results.inputs, shares)}"
+    return f"driven by {_strongest(results.inputs, driven / max(float(driven.sum()), 1e-300))}"
 
 
 def _strongest(channels: Sequence[Channel], shares: np.ndarray) -> str:

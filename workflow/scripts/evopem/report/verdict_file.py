@@ -13,6 +13,11 @@ from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check
 from evopem.version import __version__
 
+OF_SUMMARY = (
+    *("model", "checks", "estimation_samples", "validation_samples"),
+    *("prediction_error_percent", "simulation_error_percent"),
+)
+
 
 @dataclass(frozen=True)
 class ListedMode:
@@ -128,16 +133,11 @@ def verdict_file(
         sentence=judged.sentence,
         uses=tuple(judged.uses),
         defects=tuple(check.name for check in summary.failed),
-        checks=summary.checks,
-        model=summary.model,
         inputs=tuple(model.input_names),
         outputs=tuple(model.output_names),
         delays=results.delays,
         sampling_rate_hz=model.sampling_rate,
-        estimation_samples=summary.estimation_samples,
-        validation_samples=summary.validation_samples,
-        prediction_error_percent=summary.prediction_error_percent,
-        simulation_error_percent=summary.simulation_error_percent,
+        **{name: getattr(summary, name) for name in OF_SUMMARY},
         modes=tuple(_listed(line, len(results.outputs) > 1) for line in mode_lines(results)),
         moves=_moves(summary.moves) if summary.moves else None,
         recordings_sha256={file.path: file.sha256 for file in results.files},

@@ -176,8 +176,7 @@ def _frequencies(
     reference = following.reference
     chosen = names[:reference] if isinstance(reference, int) else (reference or ())
     conditions = [[of[name] for of in following.corrected.values()] for name in names]
-    is_reference = np.isin(names, chosen)
-    return Frequencies(values[0], values[1], np.array(conditions), is_reference)
+    return Frequencies(values[0], values[1], np.array(conditions), np.isin(names, chosen))
 
 
 def _cells(distance: Distance, frequencies: Frequencies, number: int) -> Iterator[object]:

@@ -152,8 +152,7 @@ def fleet_table(entries: Mapping[str, Entry]) -> pd.DataFrame:
         if isinstance(entry, DatasetSummary)
         for check in entry.checks
     )
-    check_columns = [check_column(name) for name in names]
-    types = _COLUMN_TYPES | dict.fromkeys(check_columns, "boolean")
+    types = _COLUMN_TYPES | dict.fromkeys([check_column(name) for name in names], "boolean")
     rows = [row for name, entry in entries.items() for row in _rows(name, entry)]
     return pd.DataFrame(rows, columns=list(types)).astype(types)
 
@@ -163,8 +162,7 @@ def without_formulas(table: pd.DataFrame) -> pd.DataFrame:
     safe = table.copy()
     for column in table.columns[table.dtypes == "string"]:
         text = table[column]
-        starts = text.str.startswith(_FORMULA_START, na=False)
-        safe[column] = text.mask(starts, "'" + text)
+        safe[column] = text.mask(text.str.startswith(_FORMULA_START, na=False), "'" + text)
     return safe
 
 

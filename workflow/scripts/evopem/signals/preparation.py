@@ -210,8 +210,7 @@ def _estimation_range(
 
 def _held_out_recordings(samples: Sequence[int], share: float) -> int:
     """How many of the last recordings hold about a share of all samples; at least one."""
-    held = np.cumsum(samples[:0:-1])
-    return int(np.argmin(np.abs(held - share * sum(samples)))) + 1
+    return int(np.argmin(np.abs(np.cumsum(samples[:0:-1]) - share * sum(samples)))) + 1
 
 
 def _before_last_change(inputs: Array, first: int, stop: int) -> int:

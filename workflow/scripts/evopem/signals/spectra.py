@@ -298,8 +298,7 @@ def cross_correlation(first: Array, second: Array, lags: int) -> Array:
     energy = float(np.sqrt(np.dot(x, x)) * np.sqrt(np.dot(y, y)))
     if energy == 0.0:
         raise InputError("correlation", "a signal is constant", "give signals that vary")
-    products = scipy.signal.correlate(x, y, method="fft")
-    return products[samples - 1 - lags : samples + lags] / energy
+    return scipy.signal.correlate(x, y, method="fft")[samples - 1 - lags : samples + lags] / energy
 
 
 def repetition_lag(signal: Array) -> int:

@@ -49,8 +49,7 @@ def box_cox(signal: Array, parameter: float, shift: float, source: str = "box_co
     with np.errstate(over="ignore"):
         transformed = scipy.special.boxcox(shifted, parameter)
         back = invert_box_cox(transformed, parameter, shift)
-    largest = float(np.max(np.abs(back - signal)))
-    if not largest <= 1e-6 * float(np.ptp(signal)):
+    if not float(np.max(np.abs(back - signal))) <= 1e-6 * float(np.ptp(signal)):
         problem = (
             f"the parameter {parameter:g} flattens this output so far that it could not be"
             " transformed back"

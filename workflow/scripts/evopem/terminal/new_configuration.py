@@ -57,8 +57,7 @@ def write_configuration(folder: str | Path) -> Path:
     if target.exists() or target.is_symlink():
         remedy = "move it away, or edit it: it is not overwritten"
         raise InputError(str(target), "exists already", remedy)
-    text = configuration_text(folder)
-    write_text(target, text)
+    write_text(target, configuration_text(folder))
     return target
 
 

@@ -180,8 +180,7 @@ def regressors(conditions: Array, rows: Flags, values: Array, errors: Array) -> 
     for of_mode, of_errors in zip(values.T, errors.T, strict=True):
         has = rows & np.isfinite(of_mode)
         if has.sum() >= FOR_EACH * designs[-1].shape[1]:
-            tried = [design[has] for design in designs]
-            totals += _criteria(of_mode[has], of_errors[has], tried)
+            totals += _criteria(of_mode[has], of_errors[has], [design[has] for design in designs])
     return designs[int(np.argmin(totals))], designs[-1].shape[1]
 
 

@@ -209,8 +209,7 @@ def fits(
     scatter = np.zeros(len(designs))
     for _ in range(ITERATIONS):
         # The inverse of what is left is nearly linear in the scatter, and grows with it.
-        variances = errors**2 + scatter[:, None]
-        _, _, left, slope = _weighted(values, variances, designs)
+        _, _, left, slope = _weighted(values, errors**2 + scatter[:, None], designs)
         scatter = np.maximum(scatter + (left / free - 1.0) * left / np.maximum(slope, 1e-300), 0.0)
     coefficients, covariances, left, _ = _weighted(values, errors**2 + scatter[:, None], designs)
     covariances *= np.maximum(1.0, left / free)[:, None, None]

@@ -119,8 +119,7 @@ def held_out_stretches(
     """
     if prepared.before_validation is None:
         return stretches_of(model, prepared.validation, fit_level)
-    past = prepared.before_validation.separated
-    return _stretches(model, prepared.validation.separated, past)
+    return _stretches(model, prepared.validation.separated, prepared.before_validation.separated)
 
 
 def stretches_of(

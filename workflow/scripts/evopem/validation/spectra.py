@@ -224,5 +224,4 @@ def _noise_density(
     around = np.clip(spectrum.frequencies[index][:, None] + half, 0.0, nyquist)
     rows = model.noise_response(around.ravel())[:, output, :]
     power = np.einsum("fi,ij,fj->f", rows, model.noise_covariance, rows.conj()).real
-    density = power.reshape(around.shape).mean(axis=1) / nyquist
-    return np.asarray(density, np.float64)
+    return np.asarray(power.reshape(around.shape).mean(axis=1) / nyquist, np.float64)

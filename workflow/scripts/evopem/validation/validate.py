@@ -193,8 +193,7 @@ def validation_errors(held_out: Sequence[HeldOut], fit_level: bool = False) -> t
 
 def _every_stretch(estimation: Sequence[HeldOut], held_out: Sequence[HeldOut]) -> Sequence[HeldOut]:
     """Of all samples: where validation samples continue the others, they are one stretch."""
-    continued = held_out and held_out[0].before
-    return held_out if continued else [*estimation, *held_out]
+    return held_out if held_out and held_out[0].before else [*estimation, *held_out]
 
 
 def _estimation_stretches(model: StateSpaceModel, estimation: Recording) -> Sequence[HeldOut]:

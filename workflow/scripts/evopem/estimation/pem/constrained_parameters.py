@@ -94,8 +94,7 @@ class ConstrainedParameters:
             self.columns[name] = slice(len(codes), len(codes) + len(polynomial.codes))
             codes += polynomial.codes
         for name, given in self.gains.items():
-            of_gain = slice(len(codes), len(codes) + len(given.gain.codes))
-            self.columns[_gain_of(name)] = of_gain
+            self.columns[_gain_of(name)] = slice(len(codes), len(codes) + len(given.gain.codes))
             codes += given.gain.codes
         self.codes = np.array(codes, dtype=int)
         self.dimension = int(ends[-1])
@@ -141,8 +140,7 @@ class ConstrainedParameters:
             span, b = self.columns[_gain_of(name)], self.parts[name]
             g, by_coordinate = given.gain.value(bounded[span])
             at_one, change = self._at_one(given, point, derivatives)
-            missing = g * at_one - float(np.sum(point[b]))
-            point[b] += missing * given.shared
+            point[b] += (g * at_one - float(np.sum(point[b]))) * given.shared
             change *= g
             change[span] += by_coordinate * at_one
             derivatives[b] += np.outer(given.shared, change)

@@ -186,8 +186,7 @@ def null_space(rows: Array) -> Array:
     """An orthonormal basis of the vectors that all rows are orthogonal to, (n, k)."""
     _, singular, vectors = np.linalg.svd(rows)
     rank = int(np.count_nonzero(singular > 1e-12 * max(singular[0], 1e-300))) if len(rows) else 0
-    basis: Array = vectors[rank:].T
-    return basis
+    return np.asarray(vectors[rank:].T)
 
 
 def _without(poles: Complex, known: Complex) -> Complex:

@@ -29,8 +29,7 @@ class KStepErrors:
     def weights(self, point: Array) -> Array:
         """The first k terms of the impulse response of H, (k,)."""
         a, c, d = self._noise_model(point)
-        first = np.append(c, np.zeros(self.horizon))[: self.horizon]
-        return _divided(_divided(first, a), d)
+        return _divided(_divided(np.append(c, np.zeros(self.horizon))[: self.horizon], a), d)
 
     def residuals(self, point: Array) -> Array:
         """k-step errors that count, of all stretches one after the other."""
@@ -117,8 +116,7 @@ class KStepErrors:
         return losses, residuals / losses, bend
 
     def _noise_model(self, point: Array) -> tuple[Array, Array, Array]:
-        part = self.one_step.orders.part
-        a, c, d = (np.append(1.0, point[part(name)]) for name in "acd")
+        a, c, d = (np.append(1.0, point[self.one_step.orders.part(name)]) for name in "acd")
         return a, c, d
 
 

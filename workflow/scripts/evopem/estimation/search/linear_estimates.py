@@ -178,8 +178,7 @@ def arx(u: Array, y: Array, na: int, nb: Sequence[int], nk: Sequence[int]) -> Ar
     regressors, target = triangle[:, :-1], triangle[:, -1]
     scale = np.linalg.norm(regressors, axis=0)
     scale[scale == 0.0] = 1.0
-    solution: Array = np.linalg.lstsq(regressors / scale, target, rcond=1e-12)[0] / scale
-    return solution
+    return np.asarray(np.linalg.lstsq(regressors / scale, target, rcond=1e-12)[0] / scale)
 
 
 def _poles_of(observability: Array, order: int) -> Array:

@@ -178,8 +178,7 @@ class PolynomialProblem(BasinHoppingProblem):
         for model in () if lone else self._models:
             begins.append(self.completed(self.adapted(model))[0])
             if model.orders == self.errors.orders and self._is_lost_in_products(begins[-1]):
-                itself = self.errors.completed_by_states(model)
-                begins.append(self.errors.repair(itself[None]))
+                begins.append(self.errors.repair(self.errors.completed_by_states(model)[None]))
             begins.append(self._with_further_poles(model))
         points = np.concatenate(begins)
         values = self.values(points)
@@ -394,5 +393,4 @@ class PolynomialProblem(BasinHoppingProblem):
             return np.empty((0, len(point))), 0
         points, used = self.completed(np.array(moved))
         values = self.values(points)
-        best = np.argsort(values, kind="stable")[:count]
-        return points[best], used + len(values)
+        return points[np.argsort(values, kind="stable")[:count]], used + len(values)

@@ -220,8 +220,7 @@ def promised_values(
     )
     values, gradients = errors.values_and_gradients(points, smoothing, barriers)
     inverses = damped_inverses(errors.curvatures(points, smoothing, barriers), damping)
-    gains: Array = np.einsum("ij,ijk,ik->i", gradients, inverses, gradients)
-    return values - 0.5 * gains
+    return np.asarray(values - 0.5 * np.einsum("ij,ijk,ik->i", gradients, inverses, gradients))
 
 
 def nearly_dependent(matrices: Array, inverses: Array) -> Flags:

@@ -196,8 +196,7 @@ class Provider:
         )
 
     def _batch(self, wildcards: Wildcards) -> dict[str, DatasetSettings]:
-        names = self.config.batches[wildcards.batch]
-        return {name: self.config.datasets[name] for name in names}
+        return {name: self.config.datasets[name] for name in self.config.batches[wildcards.batch]}
 
     def unfinished(self, batches: Iterable[str], code: str) -> set[str]:
         """Names of the recordings of batches that their jobs would identify."""

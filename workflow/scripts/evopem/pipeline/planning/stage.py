@@ -133,8 +133,7 @@ def automatic(job: StageJob) -> AutomaticSettings:
 
 
 def _previous(job: StageJob) -> list[str]:
-    structure = job.settings.order_grid.structure
-    previous = order_grid.previous_phase(job.values["phase"], structure)
+    previous = order_grid.previous_phase(job.values["phase"], job.settings.order_grid.structure)
     return [previous] if previous else []
 
 
@@ -184,7 +183,7 @@ def choices(*names: str) -> Callable[[StageJob], AutomaticSettings]:
 
 def orders_of_polynomials(job: StageJob) -> AutomaticSettings:
     """The ranges that the search over the orders of polynomials depends on."""
-    return AutomaticSettings(orders=automatic(job).orders.of_polynomials)
+    return AutomaticSettings(orders=replace(automatic(job).orders, nx=None))
 
 
 def orders_of_states(job: StageJob) -> AutomaticSettings:

@@ -44,8 +44,7 @@ def opened(path: Path) -> Iterator[Contents]:
         # numpy and zipfile meet damage with ValueError, EOFError, BadZipFile, zlib.error,
         # RuntimeError (encrypted), NotImplementedError (packed in another way), MemoryError …
         refuse_unreadable(path, "numpy file without Python objects")
-    stored = {name: in_memory(array) for name, array in arrays.items()}
-    yield contents_of(path, stored, "array")
+    yield contents_of(path, {name: in_memory(array) for name, array in arrays.items()}, "array")
 
 
 def _arrays(content: Any) -> dict[str, NDArray[Any]]:

@@ -173,7 +173,7 @@ def _zeros_beside(
     """A pole of A or F_i with each zero of B_i that it may coincide with."""
     index = np.arange(model.orders.parameters)
     denominator = model.A if letter == "a" else model.F[place]
-    at = [index[model.part(letter, place)], index[model.part("b", place)]]
+    at = [index[model.orders.part(letter, place)], index[model.orders.part("b", place)]]
     joint = covariance.part(np.concatenate(at))
     return [
         (complex(pole), complex(zero))

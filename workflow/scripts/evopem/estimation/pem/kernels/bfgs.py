@@ -220,8 +220,7 @@ def descend(
 
     def tried(state: State, trials: int, few: int) -> tuple[int, int]:
         if not trials:
-            every = np.arange(len(starts))
-            state.line["value"], state.g[:] = evaluate(state.x, every)
+            state.line["value"], state.g[:] = evaluate(state.x, np.arange(len(starts)))
         made = evaluations = 0
         while made < trials:
             rows = state.line["active"].nonzero()[0]

@@ -153,5 +153,4 @@ def lanes_table(rows: int) -> Array:
     line = 8 * LANES
     raw = np.zeros(LANES * (rows + 1))
     skipped = -raw.ctypes.data % line // raw.itemsize
-    table: Array = raw[skipped : skipped + LANES * rows].reshape(rows, LANES)
-    return table
+    return np.asarray(raw[skipped : skipped + LANES * rows].reshape(rows, LANES))
