@@ -8,11 +8,13 @@ from scipy.signal import lfilter
 
 from evopem import SearchSettings, estimate
 from evopem.automatic.chosen_model import described_by_search
+from evopem.automatic.fit import SWEEP_STAGES
 from evopem.errors import InputError
 from evopem.estimation import polynomial_estimate
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import describe, searched_objective
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
+from evopem.estimation.search.staged_descent import staged_descent
 from evopem.estimation.state_space.point_model import ScaledModel
 from evopem.models.orders import orders_of
 from evopem.models.polynomial import PolynomialModel
@@ -89,13 +91,13 @@ def test_least_squares_are_the_only_start_of_an_arx_model_with_poles_inside():
     for a in ([1.0, -1.5, 0.7], [1.0, -1.5, 1.02]):
         y = 3.0 + lfilter([0.0, 1.0], a, u) + lfilter([1.0], a, 0.1 * e)
         errors = PolynomialErrors([Segment(u, y)], orders, "quadratic", 1.0, 1.0, level=True)
-        problem = PolynomialProblem(errors, [])
-        starts = problem.starts()
+        starts = PolynomialProblem(errors, []).starts()
         assert (len(starts) == 1) == (a[-1] < 1.0)
         columns = np.column_stack([-y[1:-1], -y[:-2], u[1:-1], np.ones(398)])
         least = np.linalg.lstsq(columns, y[2:])[1][0]
         if a[-1] < 1.0:
-            reached = np.sum(errors.residuals(problem.sweep_descent(starts).points[0]) ** 2)
+            ended = staged_descent(errors, starts, SWEEP_STAGES).points[0]
+            reached = np.sum(errors.residuals(ended) ** 2)
             assert reached == pytest.approx(least, rel=1e-7)
             # Descents on absolute errors end at corners that are not the lowest one.
             absolute = PolynomialErrors([Segment(u, y)], orders, "absolute", 1.0, 1.0, level=True)

@@ -19,14 +19,13 @@ from evopem.automatic.cross_validation.folds import (
 from evopem.automatic.cross_validation.simulation import Model, errors_simulated_on
 from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.decision import Decision
-from evopem.automatic.fit import FOLD_STAGES, CommonSettings, Fit, fit, log_loss
+from evopem.automatic.fit import FOLD_STAGES, SWEEP_STAGES, CommonSettings, Fit, fit, log_loss
 from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.automatic.state_space import fits_in_state_space, refit
 from evopem.config.channels import of_each
 from evopem.config.settings import OrderRanges, Range
 from evopem.config.structures import REGULARISED, STRUCTURES, varied_order
 from evopem.errors import NoModelError
-from evopem.estimation.search.polynomial_problem import SWEEP_STAGES
 from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.models.orders import PER_INPUT, Orders
 from evopem.models.polynomial import PolynomialModel, of_signals

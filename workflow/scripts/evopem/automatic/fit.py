@@ -14,8 +14,8 @@ from evopem.errors import NoModelError
 from evopem.estimation import criteria
 from evopem.estimation.impulse_response import posterior
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
-from evopem.estimation.search.polynomial_problem import SWEEP_STAGES, PolynomialProblem
-from evopem.estimation.search.staged_descent import DescentStage
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
+from evopem.estimation.search.staged_descent import DescentStage, staged_descent
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel, model_of
 from evopem.signals.least_squares import chunks, triangle_of
@@ -28,7 +28,9 @@ PLANT_RADIUS = 1.0 - 1e-7
 NOISE_RADIUS = 0.9999
 # Errors beyond this are all the same.
 HUGE = 1e100
-# Scores of folds need no more digits than these descents give.
+# One stage is enough for the quadratic objective, whose corner needs no smoothing.  Scores of folds
+# need no more digits than the second one gives.
+SWEEP_STAGES = (DescentStage(0.1, 1e-7, 1e-7),)
 FOLD_STAGES = (DescentStage(0.1, 1e-7, 1e-4),)
 
 
@@ -90,11 +92,10 @@ def fit(
     errors = PolynomialErrors(stretches, orders, objective, PLANT_RADIUS, NOISE_RADIUS, level)
     if structure in REGULARISED:
         return _regularised(errors, structure)
-    problem = PolynomialProblem(errors, models, own_starts)
-    starts = problem.starts()
+    starts = PolynomialProblem(errors, models, own_starts).starts()
     if len(starts) == 0:
         raise NoModelError(f"no start of {orders} has finite prediction errors")
-    descents = problem.sweep_descent(starts, stages)
+    descents = staged_descent(errors, starts, stages)
     point = descents.points[int(np.argmin(descents.values))]
     levels = tuple(map(float, point[errors.parts()["level"]]))
     residuals = tuple(residuals[:, None] for residuals in errors.residuals_of_stretches(point))

@@ -76,9 +76,8 @@ def _checked_node(text: str, source: str, cell: str = "") -> yaml.Node | None:
         mark = getattr(error, "problem_mark", None)
         problem = f"this is not YAML: {getattr(error, 'problem', None) or error}"
         remedy = "check indentation (spaces, no tabs), colons and brackets"
-        raise InputError(
-            source, problem, remedy, cell or (f"line {mark.line + 1}" if mark else "")
-        ) from None
+        place = cell or (f"line {mark.line + 1}" if mark else "")
+        raise InputError(source, problem, remedy, place) from None
     except RecursionError:
         raise InputError(source, "it is nested too deeply", "remove brackets", cell) from None
     except (ValueError, OverflowError):  # an escape beyond the last character of Unicode

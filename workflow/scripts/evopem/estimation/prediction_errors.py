@@ -72,10 +72,8 @@ def _check_signals(data: Recording) -> None:
             raise ValueError(f"the {name} must be finite")
         largest = float(np.max(np.abs(signal), initial=0.0))
         if largest and not 1.0 / LARGEST < largest < LARGEST:
-            allowed = f"between {1.0 / LARGEST:g} and {LARGEST:g}"
-            raise ValueError(
-                f"the largest magnitude of the {name} is {largest:g}; scale it {allowed}"
-            )
+            problem = f"the largest magnitude of the {name} is {largest:g}"
+            raise ValueError(f"{problem}; scale it between {1.0 / LARGEST:g} and {LARGEST:g}")
 
 
 def _check_length(data: Recording, orders: Orders, window: ScoringWindow, states: int) -> None:
@@ -101,10 +99,8 @@ def check_search_settings(settings: SearchSettings) -> None:
         value = getattr(settings, name)
         if value not in known:
             raise ValueError(f"{name} must be one of {known}, not {value!r}")
-    if not 0.0 < settings.max_root_radius < 1.0:
-        raise ValueError(
-            f"max_root_radius must lie between 0 and 1, not {settings.max_root_radius}"
-        )
+    if not 0.0 < (radius := settings.max_root_radius) < 1.0:
+        raise ValueError(f"max_root_radius must lie between 0 and 1, not {radius}")
 
 
 @dataclass(frozen=True, eq=False)

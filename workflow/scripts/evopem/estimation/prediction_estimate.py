@@ -164,12 +164,9 @@ def weight_of_priors(errors: PolynomialErrors, priors: Priors, residuals: Array)
         return 0.0
     deviation = loss_deviation(residuals, errors.dimension, errors.objective)
     if not np.isfinite(deviation):
-        raise ValueError(
-            "the weight of the priors is not known: the residuals have no density at 0"
-        )
-    if errors.objective == "quadratic":
-        return errors.loss_factor * deviation**2
-    return 0.5 * errors.loss_factor * deviation
+        raise ValueError("no weight of the priors is known: the residuals have no density at 0")
+    added = deviation**2 if errors.objective == "quadratic" else 0.5 * deviation
+    return errors.loss_factor * added
 
 
 def prediction_estimate(

@@ -14,24 +14,8 @@ import pandas as pd
 from evopem.arrays import Array, Complex, Flags
 from evopem.config.channels import Geometry
 from evopem.errors import InputError
+from evopem.figures import style
 from evopem.figures.chart import Chart, Curve, Panel, rows_of
-from evopem.figures.style import (
-    COLOURS,
-    ERROR,
-    INK,
-    LABEL_BOX,
-    MUTED,
-    PAPER,
-    PIXELS,
-    WIDTH,
-    arrange,
-    extremes,
-    logarithmic,
-    power_of_ten,
-    say_nothing_to_draw,
-    stems,
-    styled,
-)
 from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.polynomial_roots import ellipse_outline
 
@@ -69,17 +53,17 @@ def panels_of(
     from matplotlib.figure import Figure
 
     heights = [max(panel.height for panel in row) for row in rows]
-    size = max(WIDTH, NARROW * across), max(sum(heights) / PIXELS, 1.8)
+    size = max(style.WIDTH, NARROW * across), max(sum(heights) / style.PIXELS, 1.8)
     figure = make(figsize=size, layout="constrained") if make else Figure(figsize=size)
     return list(figure.subplots(len(rows), across, squeeze=False, height_ratios=heights).ravel())
 
 
-@styled
+@style.styled
 def draw(chart: Chart, axes: Axes | Sequence[Axes] | None = None) -> Figure:
     """Draw a chart."""
     places = panels_of(chart, axes)
     if chart.nothing:
-        say_nothing_to_draw(places[0], chart.nothing)
+        style.say_nothing_to_draw(places[0], chart.nothing)
         return places[0].figure  # type: ignore[return-value]
     curves = sum(len(panel.curves) for panel in chart.panels)
     bins = min(max(POINTS // (4 * max(curves, 1)), FEWEST_BINS), MOST_BINS)
@@ -101,7 +85,7 @@ def draw(chart: Chart, axes: Axes | Sequence[Axes] | None = None) -> Figure:
     for place in places[len(chart.panels) :]:
         place.set_axis_off()
     if axes is None:
-        arrange(places, chart.columns)
+        style.arrange(places, chart.columns)
     return places[0].figure  # type: ignore[return-value] # or a part of one, which is like it
 
 
@@ -119,7 +103,8 @@ def _draw_panel(
         (axes.axhline, panel.levels, 1.0, DASHED),
     ):
         for mark in marks:
-            line = draw_line(mark.value, color=COLOURS[mark.colour], linewidth=width, zorder=1)
+            colour = style.COLOURS[mark.colour]
+            line = draw_line(mark.value, color=colour, linewidth=width, zorder=1)
             line.set(linestyle=dashes, label=mark.label or "_")
     if panel.plane:
         _plane(axes, panel)
@@ -132,7 +117,7 @@ def _draw_panel(
 
 
 def _draw_curve(axes: Axes, panel: Panel, curve: Curve, rows: pd.DataFrame, bins: int) -> None:
-    colour, label = COLOURS[curve.colour], curve.label or "_"
+    colour, label = style.COLOURS[curve.colour], curve.label or "_"
     rows = rows[rows[curve.column].notna()]
     x, y = rows[panel.x].to_numpy(dtype=float), curve.factor * rows[curve.column].to_numpy(float)
     if panel.shown:
@@ -159,7 +144,7 @@ def _draw_curve(axes: Axes, panel: Panel, curve: Curve, rows: pd.DataFrame, bins
         axes.step(x, y, where="post", color=colour, linewidth=1.4, marker="o", label=label)
     else:
         if not curve.marker and panel.plane != "complex":
-            kept = extremes(y, bins)
+            kept = style.extremes(y, bins)
             x, y = x[kept], y[kept]
         axes.plot(
             *(x, y),
@@ -174,13 +159,13 @@ def _draw_curve(axes: Axes, panel: Panel, curve: Curve, rows: pd.DataFrame, bins
 
 def _band(axes: Axes, panel: Panel, curve: Curve, rows: pd.DataFrame, bins: int) -> None:
     lower, upper = (curve.factor * rows[name].to_numpy(dtype=float) for name in curve.band)
-    kept = np.unique(np.concatenate([extremes(bound, bins) for bound in (lower, upper)]))
+    kept = np.unique(np.concatenate([style.extremes(bound, bins) for bound in (lower, upper)]))
     x = rows[panel.x].to_numpy(dtype=float)[kept]
     if panel.scale == "logarithmic":
         positive = rows[curve.column][rows[curve.column] > 0]
         lower = np.maximum(lower, 1e-3 * float(positive.min()) if len(positive) else 0.0)
     axes.fill_between(
-        *(x, lower[kept], upper[kept]), color=COLOURS[curve.colour], alpha=0.25, linewidth=0
+        *(x, lower[kept], upper[kept]), color=style.COLOURS[curve.colour], alpha=0.25, linewidth=0
     )
 
 
@@ -193,14 +178,14 @@ def _stems(
     if curve.bounds:
         outside = np.abs(y) > rows[curve.bounds].to_numpy(dtype=float)
     inside = np.flatnonzero(~outside)
-    inside = inside[extremes(y[inside], 4 * bins)]
-    axes.plot(*stems(x[inside], y[inside]), color=INK, linewidth=width, label="inside")
-    axes.plot(*stems(x[outside], y[outside]), color=ERROR, linewidth=width, label="outside")
-    axes.plot(x[outside], y[outside], ".", color=ERROR, markersize=3)
+    inside = inside[style.extremes(y[inside], 4 * bins)]
+    for at, colour, label in ((inside, style.INK, "inside"), (outside, style.ERROR, "outside")):
+        axes.plot(*style.stems(x[at], y[at]), color=colour, linewidth=width, label=label)
+    axes.plot(x[outside], y[outside], ".", color=style.ERROR, markersize=3)
 
 
 def _points(axes: Axes, curve: Curve, rows: pd.DataFrame, x: np.ndarray, y: np.ndarray) -> None:
-    colour, open_ = COLOURS[curve.colour], curve.marker.startswith("open")
+    colour, open_ = style.COLOURS[curve.colour], curve.marker.startswith("open")
     marker = curve.marker.removeprefix("open") or "o"
     if curve.errors:
         along, across = (
@@ -222,24 +207,24 @@ def _points(axes: Axes, curve: Curve, rows: pd.DataFrame, x: np.ndarray, y: np.n
         for name, across_, up in zip(rows[curve.names], x, y, strict=True):
             if isinstance(name, str) and name:
                 label = axes.annotate(name, (across_, up), (0, 7), textcoords="offset points")
-                label.set(ha="center", fontsize=8, color=INK, bbox=LABEL_BOX)
+                label.set(ha="center", fontsize=8, color=style.INK, bbox=style.LABEL_BOX)
 
 
 def _plane(axes: Axes, panel: Panel) -> None:
     """One scale for both axes; the unit circle with its frequencies."""
     axes.set_aspect("equal")
     for line in (axes.axhline, axes.axvline):
-        line(0, color=MUTED, linewidth=0.5)
+        line(0, color=style.MUTED, linewidth=0.5)
     if panel.plane != "z":
         return
     angle = np.linspace(0, 2 * math.pi, 361)
-    axes.plot(np.cos(angle), np.sin(angle), color=INK, linewidth=0.8)
+    axes.plot(np.cos(angle), np.sin(angle), color=style.INK, linewidth=0.8)
     for fraction in (0.1, 0.2, 0.3, 0.4, 0.5):
         across, up = math.cos(2 * math.pi * fraction), math.sin(2 * math.pi * fraction)
-        axes.plot([across, 1.04 * across], [up, 1.04 * up], color=INK, linewidth=0.8)
+        axes.plot([across, 1.04 * across], [up, 1.04 * up], color=style.INK, linewidth=0.8)
         place = 1.15 * across, 1.15 * up + (0.08 if fraction == 0.5 else 0.0)  # above the real axis
         label = f"{fraction * panel.rate:.4g}" + (" Hz" if fraction == 0.1 else "")
-        axes.text(*place, label, ha="center", va="center", fontsize=7.5, color=MUTED)
+        axes.text(*place, label, ha="center", va="center", fontsize=7.5, color=style.MUTED)
     axes.grid(False)
 
 
@@ -258,9 +243,9 @@ def _scales(axes: Axes, panel: Panel) -> None:
     elif panel.limits:
         axes.set_ylim(*panel.limits)
     if panel.scale == "logarithmic":
-        logarithmic(axes)
+        style.logarithmic(axes)
     elif 0 < max(map(abs, axes.get_ylim())) < 1e-3:
-        axes.yaxis.set_major_formatter(power_of_ten)
+        axes.yaxis.set_major_formatter(style.power_of_ten)
     if panel.counted:
         axes.yaxis.set_major_locator(MaxNLocator(nbins=10, integer=True))
     if panel.decades:
@@ -281,7 +266,7 @@ def _legend(axes: Axes, panel: Panel, crowded: bool) -> None:
         return
     if crowded and panel.title:
         # On paper of its own: where curves fill the panel, no place is free of them.
-        frame = {"frameon": True, "facecolor": PAPER, "edgecolor": "none"}
+        frame = {"frameon": True, "facecolor": style.PAPER, "edgecolor": "none"}
         axes.legend(loc="best", fontsize=7.5, **frame)
         return
     columns = max(1, min(4, 90 // max(map(len, labels), default=1)) // (1 + crowded))
@@ -290,7 +275,7 @@ def _legend(axes: Axes, panel: Panel, crowded: bool) -> None:
     legend = axes.legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.1
     )
-    legend.get_frame().set_facecolor(PAPER)
+    legend.get_frame().set_facecolor(style.PAPER)
 
 
 def unwrapped_gaps(x: np.ndarray, degrees: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

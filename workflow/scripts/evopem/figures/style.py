@@ -212,16 +212,11 @@ def thin_table(table: pd.DataFrame, rows: int) -> pd.DataFrame:
 def stems(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     """Vertical lines from zero to y as one broken line, which makes a single path."""
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
-    gap = np.full(x.size, np.nan)
-    return (
-        np.column_stack([x, x, gap]).ravel(),
-        np.column_stack([np.zeros(x.size), y, gap]).ravel(),
-    )
+    gap, zero = np.full(x.size, np.nan), np.zeros(x.size)
+    return np.column_stack([x, x, gap]).ravel(), np.column_stack([zero, y, gap]).ravel()
 
 
-def superscript(power: int) -> str:
-    """A power as superscript digits."""
-    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def power_of_ten(value: float, _position: float | None = None) -> str:
@@ -233,7 +228,7 @@ def power_of_ten(value: float, _position: float | None = None) -> str:
         return f"{value:g}"
     whole = int(np.floor(exponent + 1e-9))
     factor = value / 10.0**whole
-    power = f"10{superscript(whole)}"
+    power = f"10{str(whole).translate(_SUPERSCRIPTS)}"
     return power if abs(factor - 1) < 1e-6 else f"{factor:g}·{power}"
 
 

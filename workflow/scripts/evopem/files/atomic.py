@@ -109,9 +109,8 @@ def write_parquet(path: str | Path, table: pd.DataFrame) -> None:
         import pyarrow as arrow
         from pyarrow import parquet
     except ImportError:
-        raise InputError(
-            str(path), "Parquet is written by pyarrow, which is not installed", _INSTALL
-        ) from None
+        problem = "Parquet is written by pyarrow, which is not installed"
+        raise InputError(str(path), problem, _INSTALL) from None
     with atomic_write(path) as temporary:
         parquet.write_table(arrow.Table.from_pandas(table, preserve_index=False), temporary)
 

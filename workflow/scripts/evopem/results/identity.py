@@ -38,11 +38,8 @@ class IncompleteDataset:
 def check_results(files: DatasetFiles) -> None:
     """Refuse results that no run has finished, or that were changed afterwards."""
     if not Path(files.config).is_file():
-        raise InputError(
-            files.folder,
-            "holds no results of a data set",
-            "give a folder such as results/arm, as the workflow or `evopem FILE` makes it",
-        )
+        remedy = "give a folder such as results/arm, as the workflow or `evopem FILE` makes it"
+        raise InputError(files.folder, "holds no results of a data set", remedy)
     fault = incompleteness(files)
     if fault is not None:
         problem, _, remedy = fault.problem.removesuffix(".").rpartition("; ")

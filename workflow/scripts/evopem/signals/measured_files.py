@@ -122,9 +122,8 @@ def _reader_of(path: Path) -> ModuleType:
         with path.open("rb") as file:
             beginning = file.read(8)
     except OSError as error:
-        raise InputError(
-            str(path), f"cannot be opened ({error.strerror})", "check its permissions"
-        ) from None
+        problem = f"cannot be opened ({error.strerror})"
+        raise InputError(str(path), problem, "check its permissions") from None
     if not beginning:
         raise InputError(str(path), "the file is empty", "export or copy it again")
     readers = [name for name, reader in _READERS.items() if beginning.startswith(reader.beginnings)]

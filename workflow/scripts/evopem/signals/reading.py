@@ -114,10 +114,8 @@ def _signal(channel: Channel, role: str, source: str) -> Array:
     if kind not in "fiub":
         held = {"c": "complex numbers", "M": "dates"}.get(kind, "text or objects")
         problem = f"the channel holds {held}, not real numbers"
-        remedy = "choose another channel"
-        raise InputError(
-            source, problem, remedy, f'{role} "{channel.name}"' if channel.name else role
-        )
+        place = f'{role} "{channel.name}"' if channel.name else role
+        raise InputError(source, problem, "choose another channel", place)
     return channel.values.astype(np.float64)
 
 

@@ -138,10 +138,8 @@ class Recording(_Channels):
     segment_firsts: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        if len(self.inputs) != len(self.outputs):
-            raise ValueError(
-                f"{len(self.inputs)} input samples, {len(self.outputs)} output samples"
-            )
+        if (given := len(self.inputs)) != self.samples:
+            raise ValueError(f"{given} input samples, {self.samples} output samples")
         rate = np.asarray(self.sampling_rate)
         is_number = rate.ndim == 0 and rate.dtype.kind in "fiu"
         if not (is_number and np.isfinite(rate) and rate > 0.0):

@@ -136,12 +136,8 @@ def pole_region(
     # A band that no pole of an allowed radius reaches is empty.
     open_bands = tuple(band for band in bands if region.largest_angle(band) > 0.0)
     if not open_bands:
-        raise InputError(
-            "constraints",
-            "no mode has a natural frequency that is allowed, at the radius that is allowed",
-            "widen the band",
-            "frequency_band",
-        )
+        problem = "no mode has a natural frequency that is allowed, at the radius that is allowed"
+        raise InputError("constraints", problem, "widen the band", "frequency_band")
     return replace(region, bands=open_bands)
 
 

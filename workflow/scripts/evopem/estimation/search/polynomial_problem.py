@@ -31,7 +31,6 @@ from evopem.estimation.search.root_sections import (
 from evopem.estimation.search.staged_descent import (
     DESCENT_STAGES,
     LINEAR_STEPS,
-    DescentStage,
     coarse_descent,
     damped_inverses,
     nearly_dependent,
@@ -58,8 +57,6 @@ INSIDE, WITHIN, FROM_EDGE, NEAR, CONTINUED = 1e-3, 1.0, 8, 0.01, 2
 BY_ROOTS = 0.75
 # Pairs of poles tried at a step from smaller orders to larger ones, and those descended from.
 PAIRS, DESCENDED = 32, 4
-# One stage is enough for the quadratic objective, whose corner needs no smoothing.
-SWEEP_STAGES = (DescentStage(0.1, 1e-7, 1e-7),)
 
 
 class PolynomialProblem(BasinHoppingProblem):
@@ -114,12 +111,6 @@ class PolynomialProblem(BasinHoppingProblem):
         """BFGS from points whose Gauss-Newton matrix may be singular."""
         given = points, DESCENT_STAGES, self._largest_value, NEIGHBOUR_DAMPING
         return staged_descent(self.errors, *given)
-
-    def sweep_descent(
-        self, points: Array, stages: tuple[DescentStage, ...] = SWEEP_STAGES
-    ) -> Descent:
-        """One BFGS from each point."""
-        return staged_descent(self.errors, points, stages)
 
     def polish(self, points: Array) -> Descent:
         """BFGS with ever less smoothing, each point to its own end; never worse than before."""
@@ -202,14 +193,15 @@ class PolynomialProblem(BasinHoppingProblem):
 
     def lowest_estimates(self, count: int, slow: bool = False) -> tuple[Array, int]:
         """Points of the lowest of the estimates, or those of slow poles, and their evaluations."""
-        points, used = self._of_slow_poles() if slow else self.estimates
+        points, used = self.estimates
+        if slow:
+            plants = (
+                [p] * max(self.errors.orders.inputs, 1) for p in slow_denominators(self.errors)
+            )
+            points, used = self._of_plants(plants)
         values = self.values(points)
         lowest = np.argsort(values, kind="stable")[:count]
         return points[lowest[np.isfinite(values[lowest])]], used + len(points)
-
-    def _of_slow_poles(self) -> tuple[Array, int]:
-        count = max(self.errors.orders.inputs, 1)
-        return self._of_plants([plant] * count for plant in slow_denominators(self.errors))
 
     @cached_property
     def estimates(self) -> tuple[Array, int]:

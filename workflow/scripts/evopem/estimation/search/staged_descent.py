@@ -285,11 +285,8 @@ def multistart(errors: PredictionErrors, starts: Array, largest_value: float) ->
     evaluations = len(starts)
     starts = starts[np.isfinite(errors.values(starts))]
     if not len(starts):
-        raise InputError(
-            "constraints",
-            "no model that was tried meets them",
-            "relax the constraints, or raise the orders",
-        )
+        problem, remedy = "no model that was tried meets them", "relax them, or raise the orders"
+        raise InputError("constraints", problem, remedy)
     descents = staged_descent(errors, starts, DESCENT_STAGES, largest_value)
     order = np.argsort(descents.values, kind="stable")
     lowest = descents.values[order[0]]

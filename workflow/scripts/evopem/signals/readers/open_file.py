@@ -84,9 +84,8 @@ class Contents:
                 return reference - 1
             raise InputError(source, f"there is no {kind} {reference} among its {count}", here)
         if not isinstance(reference, str):
-            raise InputError(
-                source, f"{reference!r} names no {kind}", "give a number from 1 or a name"
-            )
+            problem = f"{reference!r} names no {kind}"
+            raise InputError(source, problem, "give a number from 1 or a name")
         places = [index for index, names in enumerate(self.names) if reference in names]
         if not places and self._named(reference) == 1:
             split = [split_heading(name_in_file) for name_in_file in self.listed]

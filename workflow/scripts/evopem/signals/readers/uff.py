@@ -37,9 +37,8 @@ def opened(path: Path) -> Iterator[Contents]:
     with _refusing_damage(path):
         names = [_names_of(file.read_sets(index, header_only=True)) for index in sets]
     if not sets:
-        raise InputError(
-            str(path), "holds no dataset of type 58", "export the time records as dataset 58"
-        )
+        remedy = "export the time records as dataset 58"
+        raise InputError(str(path), "holds no dataset of type 58", remedy)
 
     def load(index: int) -> Channel:
         with _refusing_damage(path):

@@ -81,12 +81,9 @@ def response_to_input(evidence: Evidence) -> Found | None:
     if passed is None and input_rests(validation):
         return None, f"Not tested: {resting()}.", EXCITE_AGAIN
     if passed is None:
-        statement = f"could not be tested on {test.samples} validation samples."
-        return (
-            None,
-            f"The response to the input {statement}",
-            "Leave at least 40 samples to validation.",
-        )
+        statement = "The response to the input could not be tested"
+        statement += f" on {test.samples} validation samples."
+        return None, statement, "Leave at least 40 samples to validation."
     too_large = " A coefficient above 2 is not that of the model's response."
     return (
         passed,
@@ -188,11 +185,8 @@ def comparable_split(evidence: Evidence) -> Found | None:
         return None, f"T{resting()[1:]}. {error}", EXCITE_AGAIN
     known = [channel for channel in inputs if channel.split.comparable is not None]
     if not known:
-        return (
-            None,
-            "The spectra of the input in the two parts could not be compared: a part is too short.",
-            "Leave more samples to validation.",
-        )
+        unknown = "The spectra of the input in the two parts could not be compared:"
+        return None, f"{unknown} a part is too short.", "Leave more samples to validation."
     worst = max(known, key=lambda channel: channel.split.share_outside)
     failed = [channel.name for channel in known if not channel.split.comparable]
     bands = ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in worst.split.bands_hz[:4])

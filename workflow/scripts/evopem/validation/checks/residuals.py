@@ -151,12 +151,9 @@ def input_independence(evidence: Evidence) -> Found | None:
     if not pairs:
         return None
     if any(math.isnan(pair.share_inside95) or math.isnan(pair.max_in_bounds) for pair in pairs):
-        return (
-            None,
-            "The cross-correlation of residuals and input could not be computed: one of them is"
-            " constant.",
-            "Use a record whose input varies, or fewer parameters.",
-        )
+        unknown = "The cross-correlation of residuals and input could not be computed:"
+        remedy = "Use a record whose input varies, or fewer parameters."
+        return None, f"{unknown} one of them is constant.", remedy
     dependent = [
         f"{pair.output} with {pair.input}"
         for pair in pairs

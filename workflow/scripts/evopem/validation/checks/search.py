@@ -62,17 +62,11 @@ def search_ranges(evidence: Evidence) -> Found | None:
     at_end += [(f"{place}, in {model.text}", "orders") for place in model.at_upper_ends]
     if at_end:
         keys = dict.fromkeys(f"“{key}”" for _, key in at_end)
-        return (
-            False,
-            f"At an end of the range: {'; '.join(text for text, _ in at_end)}.",
-            f"Widen {', '.join(keys)}: a better model may lie outside.",
-        )
+        statement = f"At an end of the range: {'; '.join(text for text, _ in at_end)}."
+        return False, statement, f"Widen {', '.join(keys)}: a better model may lie outside."
     if not inside:
-        return (
-            None,
-            f"The configuration fixes every order: {', '.join(fixed)}.",
-            "Give at least one order a range, if the orders are not known.",
-        )
+        remedy = "Give at least one order a range, if the orders are not known."
+        return None, f"The configuration fixes every order: {', '.join(fixed)}.", remedy
     remark = f" Fixed by the configuration: {', '.join(fixed)}." if fixed else ""
     return True, f"Inside: {'; '.join(inside)}.{remark}"
 
