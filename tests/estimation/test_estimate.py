@@ -259,14 +259,14 @@ def test_signals_that_make_no_sense_are_refused():
 @pytest.mark.parametrize(
     ("output", "says"),
     [
-        (["a"] * 400, "the output holds no real numbers"),
-        (1.0, "the output holds no real numbers"),
-        ([1.0, [2.0, 3.0]], "the output holds no real numbers"),
-        (np.ones((1, 1, 400)), "the output holds no real numbers in one or two dimensions"),
-        (np.ones((4, 400)), r"the output has the shape \(4, 400\); give samples in rows"),
+        (["a"] * 400, "output: it holds no real numbers"),
+        (1.0, "output: it holds no real numbers"),
+        ([1.0, [2.0, 3.0]], "output: it holds no real numbers"),
+        (np.ones((1, 1, 400)), "output: it holds no real numbers in one or two dimensions"),
+        (np.ones((4, 400)), r"output: the signals have the shape \(4, 400\); give samples in rows"),
         (np.ma.masked_less(np.arange(400.0), 3.0), 'output "output" must be finite'),
         (np.full(400, np.inf), 'output "output" must be finite'),
-        ([], "the output has no samples"),
+        ([], "output: it has no samples"),
     ],
 )
 def test_signals_that_are_no_samples_are_refused_in_one_sentence(call, output, says):
@@ -299,7 +299,7 @@ def test_orders_that_are_no_whole_numbers_are_refused(orders):
 
 def test_complex_and_extreme_signals_are_refused():
     u, y = np.random.default_rng(0).standard_normal((2, 300))
-    with pytest.raises(ValueError, match="the input is complex"):
+    with pytest.raises(ValueError, match="input: it holds no real numbers.*the real part of this one"):
         estimate(u + 1j, y, (1, 1, 1, 1))
     with pytest.raises(ValueError, match="largest magnitude of the input"):
         estimate(1e-200 * u, y, (1, 1, 1, 1))

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from evopem.arrays import Array, columns
+from evopem.arrays import Array
 from evopem.errors import InputError
 from evopem.files.atomic import save_arrays
-from evopem.signals.recording import numbered
+from evopem.signals.recording import numbered, samples_of
 from evopem.signals.timestamps import RATE_TOLERANCE, timing
 
 DATA = "data"
@@ -80,8 +80,8 @@ def given_signals(data: Any, wanted: Wanted, source: str = DATA) -> GivenSignals
                 problem = "it names a column, and the data are no table"
                 remedy = "give a pandas DataFrame, or the samples of input and output alone"
                 raise InputError(name, problem, remedy)
-        outputs = _samples(wanted.output, source, "output")
-        inputs = np.empty((len(outputs), 0)) if data is None else _samples(data, source, "input")
+        outputs = samples_of(wanted.output, source, "output")
+        inputs = np.empty((len(outputs), 0)) if data is None else samples_of(data, source, "input")
         input_labels, output_labels = _labels(data, inputs), _labels(wanted.output, outputs)
         indexes = [frame.index for frame in (data, wanted.output) if hasattr(frame, "iloc")]
         if len(indexes) == 2 and not _are_equal(*indexes):
@@ -159,7 +159,7 @@ def _columns(table: Any, labels: Any, role: str, source: str) -> tuple[Array, li
         listed = [] if labels is None else [labels]
     if role == "output" and not listed:
         raise InputError("output", "it is missing", f"give one of {_listed(table)}")
-    samples = [_samples(_column(table, label, role, source), source, role) for label in listed]
+    samples = [samples_of(_column(table, label, role, source), source, role) for label in listed]
     return np.hstack([np.empty((len(table), 0)), *samples]), listed
 
 
@@ -188,26 +188,6 @@ def _listed(table: Any, most: int = 20) -> str:
     left = len(table.columns) - most
     shown = ", ".join(map(repr, table.columns[:most]))
     return f"{shown}, … and {left} more" if left > 0 else shown
-
-
-def _samples(values: Any, source: str, role: str) -> Array:
-    """A copy of signals as numbers, shape (N, channels); masked samples become NaN."""
-    problem, remedy = "it holds no real numbers in one or two dimensions", "choose another signal"
-    no_numbers = InputError(source, problem, remedy, role)
-    if np.asarray(values).dtype.kind not in "fiubO":
-        raise no_numbers
-    try:
-        # A table's missing values become NaN, which the checks of a recording name.
-        is_table = hasattr(values, "to_numpy")
-        given = values.to_numpy(dtype=float, na_value=np.nan) if is_table else values
-        samples = columns(given).copy()
-    except (TypeError, ValueError):
-        raise no_numbers from None
-    samples = samples.T if len(samples) == 1 else samples
-    if samples.shape[1] > len(samples):
-        problem = f"the signals have the shape {samples.shape}"
-        raise InputError(source, problem, "give samples in rows and channels in columns", role)
-    return samples
 
 
 def _are_equal(first: Any, second: Any) -> bool:

@@ -4,12 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from evopem.arrays import Array, columns
+from evopem.errors import InputError
 from evopem.files.atomic import load_arrays, save_arrays
 
 MINIMUM_SAMPLES = 8
@@ -231,8 +232,8 @@ def recording_of(
     elif output is None:
         raise ValueError("the output is missing")
     else:
-        y = _samples("output", output)
-        u = np.empty((len(y), 0)) if input is None else _samples("input", input)
+        y = samples_of(output, "output")
+        u = np.empty((len(y), 0)) if input is None else samples_of(input, "input")
         if len(u) != len(y):
             raise ValueError(f"input and output must be of one length, not {len(u)} and {len(y)}")
         recording = Recording(u, y, sampling_rate)
@@ -242,21 +243,29 @@ def recording_of(
     return recording
 
 
-def _samples(role: str, given: ArrayLike) -> Array:
-    """A signal as (N, channels); a row is the samples of one channel."""
+def samples_of(given: Any, source: str, place: str = "") -> Array:
+    """A copy of a signal as (N, channels), NaN where a sample is missing or masked.
+
+    A row is the samples of one channel.  InputError for other numbers than real ones.
+    """
+    problem, remedy = "it holds no real numbers in one or two dimensions", "choose another signal"
+    no_numbers = InputError(source, problem, f"{remedy}, or the real part of this one", place)
     try:
-        samples = None if np.iscomplexobj(given) else np.ascontiguousarray(columns(given))
+        is_table = hasattr(given, "to_numpy")
+        is_real = np.asarray(given).dtype.kind in "fiubO"
+        given = given.to_numpy(dtype=float, na_value=np.nan) if is_table else given
+        samples = np.array(columns(given)) if is_real else None
     except (TypeError, ValueError):
-        problem = f"the {role} holds no real numbers in one or two dimensions"
-        raise ValueError(f"{problem}; give another signal") from None
+        raise no_numbers from None
     if samples is None:
-        raise ValueError(f"the {role} is complex; give its real part or another channel")
+        raise no_numbers
     if not samples.size:
-        raise ValueError(f"the {role} has no samples")
+        raise InputError(source, "it has no samples", remedy, place)
     samples = samples.T if len(samples) == 1 else samples
     if samples.shape[1] > len(samples):
+        problem = f"the signals have the shape {samples.shape}"
         remedy = "give samples in rows and channels in columns"
-        raise ValueError(f"the {role} has the shape {samples.shape}; {remedy}")
+        raise InputError(source, problem, remedy, place)
     return samples
 
 
