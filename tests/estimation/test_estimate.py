@@ -299,7 +299,7 @@ def test_orders_that_are_no_whole_numbers_are_refused(orders):
 
 def test_complex_and_extreme_signals_are_refused():
     u, y = np.random.default_rng(0).standard_normal((2, 300))
-    with pytest.raises(ValueError, match="input: it holds no real numbers.*the real part of this one"):
+    with pytest.raises(ValueError, match="input: it holds no real numbers"):
         estimate(u + 1j, y, (1, 1, 1, 1))
     with pytest.raises(ValueError, match="largest magnitude of the input"):
         estimate(1e-200 * u, y, (1, 1, 1, 1))

@@ -337,7 +337,8 @@ class Scorer:
     def scored(self, candidate: Candidate) -> Candidate:
         """A candidate with its scores on held-out samples."""
         refitted = partial(self._refitted, candidate, on_folds=True)
-        scores = held_out_scores(self.stretches, self.plan, refitted, self.absolute)
+        bound = self.settings.max_root_radius
+        scores = held_out_scores(self.stretches, self.plan, refitted, self.absolute, bound)
         return replace(candidate, scores=scores)
 
     def _refitted(

@@ -21,6 +21,7 @@ from evopem.automatic.cross_validation.stretches import (
 )
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import likeliest_arx
+from evopem.config.settings import SearchSettings
 from evopem.errors import NoModelError
 from evopem.signals.recording import Segment, total_samples
 from evopem.signals.spectra import LONGEST_LAG, cross_correlation, repetition_lag
@@ -268,10 +269,12 @@ def held_out_scores(
     plan: FoldPlan,
     estimate: Callable[[Sequence[Segment]], Model],
     absolute: bool,
+    bound: float = SearchSettings.max_root_radius,
 ) -> HeldOutScores:
     """Score what a method estimates from the training part of each fold on the rest.
 
-    ``estimate`` may raise NoModelError; errors are absolute instead of squared with ``absolute``.
+    ``estimate`` may raise NoModelError; errors are absolute instead of squared with ``absolute``;
+    ``bound``: of the radii of poles in the search.
     """
     outputs = np.concatenate([stretch.outputs for stretch in stretches])
     centred = outputs - outputs.mean(axis=0)
@@ -294,7 +297,8 @@ def held_out_scores(
                 model = estimate(fold.training)
             except NoModelError:
                 return HeldOutScores()
-            of_design.append(np.sum([_errors_on(model, *part, absolute) for part in parts], axis=0))
+            errors = [_errors_on(model, *part, absolute, bound) for part in parts]
+            of_design.append(np.sum(errors, axis=0))
         sums, counts = np.sum(of_design, axis=0)
         if not (counts[2] > 0).all():
             return HeldOutScores()
@@ -316,7 +320,9 @@ def _logarithms(sums: Array, counts: Array, scale: Array, absolute: bool) -> Arr
     return np.log(ratios.mean(axis=1))
 
 
-def _errors_on(model: Model, before: Segment, stretch: Segment, absolute: bool) -> Array:
+def _errors_on(
+    model: Model, before: Segment, stretch: Segment, absolute: bool, bound: float
+) -> Array:
     """Sums of squared or absolute errors, and samples less what was fitted, (2, 3, l)."""
 
     def total(errors: Array) -> Array:
@@ -325,7 +331,7 @@ def _errors_on(model: Model, before: Segment, stretch: Segment, absolute: bool) 
     sums, counts = np.zeros((2, 3, stretch.outputs.shape[1]))
     with np.errstate(all="ignore"):
         if stretch.has_input:
-            given = model, before, stretch, (False, True), absolute
+            given = model, before, stretch, (False, True), absolute, bound
             for fitted, errors in enumerate(errors_with_levels(*given)):
                 sums[fitted], counts[fitted] = total(errors), len(errors) - fitted
         errors = prediction_errors(model, stretch, before)

@@ -40,13 +40,20 @@ def errors_simulated_on(
 
 
 def errors_with_levels(
-    model: Model, before: Segment, held_out: Segment, fitted_levels: Sequence[bool], robust: bool
+    model: Model,
+    before: Segment,
+    held_out: Segment,
+    fitted_levels: Sequence[bool],
+    robust: bool,
+    bound: float = SearchSettings.max_root_radius,
 ) -> list[Array]:
-    """:func:`errors_simulated_on` with the model's level or a fitted one, each as asked for."""
+    """:func:`errors_simulated_on` with the model's level or a fitted one, each as asked for.
+
+    ``bound``: Of the radii of poles in the model's search.
+    """
     known, both = before.samples or first_samples(held_out.samples), _joined(before, held_out)
     measured, radius = both.outputs[known:], _radius_of(model)
     # A drift may be the noise of a state that lasts: a predictor follows it, no validation does.
-    bound = SearchSettings.max_root_radius
     lasts = isinstance(model, StateSpaceModel) and lies_at_bound(radius, bound)
     runs_on = bool(before.samples) and not robust and noise_moves_plant(model) and not lasts
     simulated = [np.full(measured.shape, np.inf)] * len(fitted_levels)
