@@ -90,7 +90,7 @@ def what_moves(
     if not is_asked and not tests.constant.p_value < SIGNIFICANCE:
         return Varying("the response does not change with time")
     if not is_asked and tests.follows in ("constant", "feedback"):
-        return Varying("beside nonlinearity or feedback the response hardly changes with time")
+        return Varying("nonlinearity or feedback explains more than a change with time")
     most = min(max(record.plant.order + ORDERS_ABOVE, FEWEST_ORDERS), MOST_ORDERS)
     scheduled, schedule = whole(prepared, settings), settings.condition or "time"
     varying = moving_model(scheduled, most, record.delays, settings, schedule)
