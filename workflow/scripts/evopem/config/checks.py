@@ -122,13 +122,8 @@ class Kind:
         if not self.by_chapter:
             reason["level"] = (reason["level"][0], f"{remove}, or write recipe: chapter")
         of_orders = (f"{self} has no such range", f"remove it, or give one of {orders}")
-        return reason | {
-            f"orders.{name}": of_orders for name in _fields("orders") if name not in self.orders
-        }
-
-
-def _fields(group: str) -> tuple[str, ...]:
-    return tuple(ANALYSIS[group].__origin__.__annotations__)
+        ranges = ANALYSIS["orders"].__origin__.__annotations__
+        return reason | {f"orders.{r}": of_orders for r in ranges if r not in self.orders}
 
 
 def paths_of(keys: Keys) -> Iterator[str]:
