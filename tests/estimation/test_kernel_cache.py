@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from evopem.estimation.pem.kernels import cache
-from evopem.estimation.pem.kernels.cache import folder_digest
+from evopem import compilation as cache
+from evopem.compilation import folder_digest
 
 SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
 INNER = """
-from evopem.estimation.pem.kernels.cache import njit
+from evopem.compilation import njit
 
 @njit
 def addend(x):
@@ -29,7 +29,7 @@ class Kind(NamedTuple):
 """
 )
 OUTER = """
-from evopem.estimation.pem.kernels.cache import cached_njit
+from evopem.compilation import cached_njit
 from package.inner import addend
 
 @cached_njit
@@ -94,9 +94,9 @@ for function in (addend, total):
 def test_a_change_of_how_functions_are_compiled_invalidates_those_of_other_folders(package):
     assert run(package)[0] == (20, 0, 1)
     changed = """
-from evopem.estimation.pem.kernels import cache
+from evopem import compilation as cache
 digest = cache._digest_once
-cache._digest_once = lambda folder: digest(folder) + "x" * (folder.name == "kernels")
+cache._digest_once = lambda folder: digest(folder) + "x" * (folder.name == "evopem")
 """
     assert run(package, changed + RUN)[0] == (20, 0, 1)
 

@@ -17,6 +17,7 @@ PARTS = (
         "errors",
         "version",
         "blas_threads",
+        "compilation",
         "files",
         "config",
         "signals",

@@ -20,8 +20,6 @@ FIRST_SHARE = 0.1
 """Share of a recording without a past that determines the state of its simulation."""
 # Iterations of reweighted least squares towards least absolute deviations.
 REWEIGHTINGS = 5
-# Samples whose states one substitution finds.
-PART = 128
 
 
 def first_samples(samples: int) -> int:
@@ -110,30 +108,25 @@ def _solved(columns: Array, goal: Array, share: float) -> tuple[Array, int, Arra
 
 
 def states_of(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array:
-    """States x_0 ... x_(N-1) of ``x+ = dynamics x + drive``, (N, n), by substitution in bands.
+    """States x_0 ... x_(N-1) of ``x+ = dynamics x + drive``, (N, n), sample after sample.
 
     Powers of the dynamics would lead over many samples at once, but those of companion matrices
     of slow poles rise before they fall: their rounding is that of poles outside the circle.
     Without poles, as of finite responses, one state follows after the other.
     """
     samples, n = drive.shape
-    states = np.vstack([np.zeros(n) if initial is None else initial, drive[:-1]])
+    start = np.zeros(n) if initial is None else np.asarray(initial, dtype=float)
     rows, columns = np.nonzero(dynamics)
     if np.all(rows < columns) or np.all(rows > columns):
+        states = np.vstack([start, drive[:-1]])
         for row in range(n) if np.all(rows > columns) else reversed(range(n)):
             acting = columns[rows == row]
             states[1:, row] += states[:-1, acting] @ dynamics[row, acting]
         return states[:samples]
-    size = min(PART, max(samples, 2))
-    matrix = np.zeros((2 * n, size * n), order="F")
-    for column in range(n):
-        matrix[n - column : 2 * n - column, column::n] = -dynamics[:, column, None]
-    substituted = scipy.linalg.blas.dtbsv
-    for first in range(0, samples, size - 1):
-        part = states[first : first + size]  # whose first state is known
-        solution = substituted(2 * n - 1, matrix[:, : part.size], part.ravel(), lower=1, diag=1)
-        part[:] = solution.reshape(part.shape)
-    return states[:samples]
+    from evopem.models.recursions import driven_states  # compiled code takes long to load
+
+    given = np.ascontiguousarray(dynamics), start[None, None], np.ascontiguousarray(drive)[:, None]
+    return np.asarray(driven_states(*given, np.array([0, samples]))[:, 0])
 
 
 def powers_times(matrix: Array, columns: Array, count: int) -> Array:

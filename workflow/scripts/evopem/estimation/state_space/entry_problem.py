@@ -29,7 +29,6 @@ from evopem.estimation.state_space.pole_coordinates import blocks_of, gains_of, 
 from evopem.estimation.state_space.problem import ErrorProblem
 from evopem.estimation.state_space.sections import (
     Layout,
-    driven_states,
     input_matrix,
     normalised,
     scale_of,
@@ -38,6 +37,7 @@ from evopem.estimation.state_space.sections import (
 )
 from evopem.estimation.state_space.starting_points import point_of
 from evopem.models.parameter_covariance import COMPLEX_STEP, ParameterCovariance, jacobian_of
+from evopem.models.recursions import driven_states
 
 
 @dataclass(frozen=True, eq=False)

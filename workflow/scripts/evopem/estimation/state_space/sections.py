@@ -15,11 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.arrays import Array, Flags, Integers
-from evopem.estimation.pem.kernels.cache import cached_njit, njit
-
-# Of signals of unit size; below it a free response is 0.  Its own end would be subnormal numbers,
-# which it never leaves, and which are a hundred times slower in all that follows.
-DECAYED = 1e-150
+from evopem.compilation import cached_njit, njit
+from evopem.models.recursions import DECAYED
 
 
 @njit
@@ -79,24 +76,6 @@ def derivative_signals(sigma, coupling, back, driven_by, pulses, signals, ratio,
                 now[extra + 3 * pairs + m] = p[even]
             _advance(p, r, own_sigma, own_coupling, own_back, states[t])
     return out
-
-
-@cached_njit
-def driven_states(A, initial, inputs, bounds):
-    """p solutions of ``x+ = A x + inputs``, (N, p, n), from initial states (segments, p, n)."""
-    states = np.empty(inputs.shape)
-    count, n = inputs.shape[1:]
-    for segment in range(len(bounds) - 1):
-        first, stop = bounds[segment], bounds[segment + 1]
-        states[first] = initial[segment]
-        for t in range(first, stop - 1):
-            for p in range(count):
-                for i in range(n):
-                    after = inputs[t, p, i]
-                    for j in range(n):
-                        after += A[i, j] * states[t, p, j]
-                    states[t + 1, p, i] = after if abs(after) > DECAYED else 0.0
-    return states
 
 
 @cached_njit

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.arrays import Array, Flags, Indices
-from evopem.estimation.pem.kernels.cache import allocating_njit, cached_njit, njit
+from evopem.compilation import allocating_njit, cached_njit, njit
 
 SUFFICIENT_DECREASE = 1e-4
 CURVATURE = 0.9

@@ -5,7 +5,7 @@ u_i differs by the sample that enters it from the past, times the response to an
 
 import numpy as np
 
-from evopem.estimation.pem.kernels.cache import allocating_njit, cached_njit, njit
+from evopem.compilation import allocating_njit, cached_njit, njit
 from evopem.estimation.pem.kernels.record import (
     CHUNK,
     LEVEL,

@@ -4,8 +4,8 @@ residual.  The gradient correlates one of these with the signal that a parameter
 
 import numpy as np
 
+from evopem.compilation import allocating_njit, cached_njit, njit
 from evopem.estimation.pem.kernels.bfgs import advance, trial_points
-from evopem.estimation.pem.kernels.cache import allocating_njit, cached_njit, njit
 from evopem.estimation.pem.kernels.polynomials import barrier
 from evopem.estimation.pem.kernels.record import (
     CHUNK,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from evopem.estimation.pem.kernels.cache import cached_njit, njit
+from evopem.compilation import cached_njit, njit
 
 
 @njit

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evopem.arrays import Array, Indices
-from evopem.estimation.pem.kernels.cache import allocating_njit, njit
+from evopem.compilation import allocating_njit, njit
 from evopem.estimation.pem.kernels.simd import constant, lanes_table, store
 from evopem.models.orders import Orders
 

@@ -1,6 +1,6 @@
 """Residuals of eight models in one pass over the record, and which models are allowed."""
 
-from evopem.estimation.pem.kernels.cache import njit
+from evopem.compilation import njit
 from evopem.estimation.pem.kernels.record import BLOCK, MIN_NC, PAIR, fill
 from evopem.estimation.pem.kernels.simd import (
     add,
