@@ -70,7 +70,8 @@ def scorer_of(segments, delays=None, **ranges):
 def test_the_truth_leaves_the_noise(objective):
     segments = [simulated(400, 1), simulated(300, 2, 1)]
     absolute = objective == "absolute"
-    scores = held_out_scores(segments, decide_folds(segments), lambda _: TRUTH, absolute)
+    plan = decide_folds(segments)
+    scores = held_out_scores(segments, plan, lambda parts: [TRUTH] * len(parts), absolute)
     y = np.concatenate([each.outputs for each in segments])
     size = np.abs(y - y.mean(axis=0)).mean(axis=0) if absolute else y.std(axis=0)
     noise = NOISE * np.sqrt(2.0 / np.pi) if absolute else NOISE
@@ -82,7 +83,9 @@ def test_the_truth_leaves_the_noise(objective):
 def test_an_unstable_model_simulates_nothing():
     segments = [simulated(300, 1)]
     unstable = replace(TRUTH, A=1.2 * TRUTH.A)
-    scores = held_out_scores(segments, decide_folds(segments), lambda _: unstable, False)
+    scores = held_out_scores(
+        segments, decide_folds(segments), lambda parts: [unstable] * len(parts), False
+    )
     assert scores.simulation > 1e4
 
 
@@ -112,7 +115,8 @@ def test_surplus_modes_gain_nothing_by_the_states_they_begin_with():
         segments = [Segment(measured, outputs)]
         plan = replace(decide_folds(segments), designs=((5, 1),), by_energy=False)
         scores = [
-            held_out_scores(segments, plan, lambda _, m=m: m, False) for m in (truth, surplus)
+            held_out_scores(segments, plan, lambda parts, m=m: [m] * len(parts), False)
+            for m in (truth, surplus)
         ]
         scored.append([each.simulation for each in scores])
     of_truth, of_surplus = np.mean(absorbed, axis=0)

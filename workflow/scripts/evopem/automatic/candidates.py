@@ -19,7 +19,7 @@ from evopem.automatic.cross_validation.folds import (
 from evopem.automatic.cross_validation.simulation import Model, errors_simulated_on
 from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.decision import Decision
-from evopem.automatic.fit import FOLD_STAGES, SWEEP_STAGES, CommonSettings, Fit, fit, log_loss
+from evopem.automatic.fit import CommonSettings, Fit, fit, fits_of_parts, log_loss
 from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.automatic.state_space import fits_in_state_space, refit
 from evopem.config.channels import of_each
@@ -336,22 +336,25 @@ class Scorer:
 
     def scored(self, candidate: Candidate) -> Candidate:
         """A candidate with its scores on held-out samples."""
-        refitted = partial(self._refitted, candidate, on_folds=True)
+        refitted = partial(self._refitted_on_parts, candidate)
         bound = self.settings.max_root_radius
         scores = held_out_scores(self.stretches, self.plan, refitted, self.absolute, bound)
         return replace(candidate, scores=scores)
 
-    def _refitted(
-        self, candidate: Candidate, stretches: Sequence[Segment], on_folds: bool = False
-    ) -> Model:
+    def _refitted_on_parts(
+        self, candidate: Candidate, parts: Sequence[Sequence[Segment]]
+    ) -> Sequence[Model]:
+        model = candidate.model
+        if isinstance(model, PolynomialModel):
+            return fits_of_parts(parts, model, candidate.structure, self.settings.objective)
+        return [self._refitted(candidate, stretches) for stretches in parts]
+
+    def _refitted(self, candidate: Candidate, stretches: Sequence[Segment]) -> Model:
         """The optimum of other stretches that a descent from a candidate's model ends at."""
         model, structure = candidate.model, candidate.structure
         if isinstance(model, PolynomialModel):
-            stages = FOLD_STAGES if on_folds else SWEEP_STAGES
-            return fit(
-                *(stretches, model.orders, self.settings.objective, [model]),
-                *(False, structure, stages),
-            ).model
+            objective = self.settings.objective
+            return fit(stretches, model.orders, objective, [model], False, structure).model
         given = candidate.delays, self.settings
         try:
             return refit(model, structure, stretches, *given, self.stretches)

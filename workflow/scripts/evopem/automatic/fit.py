@@ -14,6 +14,7 @@ from evopem.errors import NoModelError
 from evopem.estimation import criteria
 from evopem.estimation.impulse_response import posterior
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.estimation.search.descents_on_parts import descents_on_parts
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.staged_descent import DescentStage, staged_descent
 from evopem.models.orders import Orders
@@ -107,6 +108,30 @@ def fit(
         noise_variance=float(together @ together) / max(len(together) - len(point), 1),
     )
     return Fit(model, orders.parameters + len(levels), residuals, orders.first_residual)
+
+
+def fits_of_parts(
+    parts: Sequence[Sequence[Segment]], model: PolynomialModel, structure: str, objective: str
+) -> list[Model]:
+    """The optima of parts of a record that descents from the optimum of the whole end at.
+
+    Of squared errors all at once, with the noise variance of the whole; else, or where these cannot
+    be relied on, one after the other by :func:`fit`, whose errors it raises.
+    """
+    orders = replace(model.orders, structure=structure)
+    ends: Sequence[Array | None] = [None] * len(parts)
+    if objective == "quadratic" and structure not in REGULARISED:
+        given = orders, objective, PLANT_RADIUS, NOISE_RADIUS, True
+        problems = [PolynomialErrors(part, *given) for part in parts]
+        ends = descents_on_parts(problems, model.parameters, *FOLD_STAGES)
+    return [
+        fit(part, orders, objective, [model], False, structure, FOLD_STAGES).model
+        if end is None
+        else model_of(
+            orders, end, level=float(end[orders.parameters]), noise_variance=model.noise_variance
+        )
+        for part, end in zip(parts, ends, strict=True)
+    ]
 
 
 def _regularised(errors: PolynomialErrors, structure: str) -> Fit:

@@ -135,12 +135,13 @@ def gain_of_nothing(
     if gain is None or model is None:
         return None
 
-    def constant_of(stretches: Sequence[Segment]) -> PolynomialModel:
+    def constants_of(parts: Sequence[Sequence[Segment]]) -> list[PolynomialModel]:
         centre = np.median if scorer.absolute else np.mean
-        level = float(centre(np.concatenate([stretch.output for stretch in stretches])))
-        return replace(model, B=tuple(map(np.zeros_like, model.B)), level=level)
+        levels = [float(centre(np.concatenate([s.output for s in part]))) for part in parts]
+        nothing = tuple(map(np.zeros_like, model.B))
+        return [replace(model, B=nothing, level=level) for level in levels]
 
-    of_constant = held_out_scores(scorer.stretches, scorer.plan, constant_of, scorer.absolute)
+    of_constant = held_out_scores(scorer.stretches, scorer.plan, constants_of, scorer.absolute)
     if is_clearly_better(chosen, replace(gain, scores=of_constant), kind):
         return None
     outputs = [Segment(s.inputs[:, :0], s.outputs, s.recording) for s in scorer.stretches]

@@ -267,11 +267,11 @@ def _response_edges(stretches: Sequence[Segment], count: int) -> tuple[int, ...]
 def held_out_scores(
     stretches: Sequence[Segment],
     plan: FoldPlan,
-    estimate: Callable[[Sequence[Segment]], Model],
+    estimate: Callable[[Sequence[Sequence[Segment]]], Sequence[Model]],
     absolute: bool,
     bound: float = SearchSettings.max_root_radius,
 ) -> HeldOutScores:
-    """Score what a method estimates from the training part of each fold on the rest.
+    """Score what a method estimates from the training parts of all folds on what each leaves.
 
     ``estimate`` may raise NoModelError; errors are absolute instead of squared with ``absolute``;
     ``bound``: of the radii of poles in the search.
@@ -281,24 +281,29 @@ def held_out_scores(
     scale = np.mean(np.abs(centred), axis=0) if absolute else np.std(outputs, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     shortest = min(SHORTEST_BLOCK, total_samples(stretches) // 4)
-    logarithms, of_folds = [], []
+    designs, training = [], []
     for design in plan.designs:
-        of_design = []
         edges = _response_edges(stretches, design[0]) if plan.by_energy else None
         folds = folds_of(tuple(stretches), *design, shortest, edges)
         # The beginning of a recording determines state and level poorly.
         has_past = any(before.samples for fold in folds for before in fold.before)
+        scored = []
         for fold in folds:
             parts = list(zip(fold.before, fold.held_out, strict=True))
             parts = [part for part in parts if part[0].samples or not has_past]
-            if not parts:
-                continue
-            try:
-                model = estimate(fold.training)
-            except NoModelError:
-                return HeldOutScores()
-            errors = [_errors_on(model, *part, absolute, bound) for part in parts]
-            of_design.append(np.sum(errors, axis=0))
+            scored += [parts] if parts else []
+            training += [fold.training] if parts else []
+        designs.append(scored)
+    try:
+        models = iter(estimate(training))
+    except NoModelError:
+        return HeldOutScores()
+    logarithms, of_folds = [], []
+    for scored in designs:
+        of_design = [
+            np.sum([_errors_on(model, *part, absolute, bound) for part in parts], axis=0)
+            for parts, model in zip(scored, models, strict=False)
+        ]
         sums, counts = np.sum(of_design, axis=0)
         if not (counts[2] > 0).all():
             return HeldOutScores()

@@ -63,6 +63,7 @@ class PolynomialErrors:
         losses = [np.sum(np.abs(y)) if objective == "absolute" else y @ y for y in counted]
         self._scales = np.maximum(losses, np.finfo(float).tiny)
         self._scale = float(np.sum(self._scales))
+        self.shares = self._scales / self._scale  # of each stretch
         self.scored_samples = sum(map(len, counted))
         # The errors of each stretch alone, and where its point stands in the point of all.
         self.places = list(zip(self._errors(), self._places(), strict=True))
@@ -216,7 +217,7 @@ class PolynomialErrors:
     @cached_property
     def passes(self) -> Passes:
         """Compiled passes, of which each stretch counts its share of the barriers."""
-        return Passes(self.places, self._scales / self._scale)
+        return Passes(self.places, self.shares)
 
     def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
         """Gauss-Newton approximation of the Hessian of the smoothed objective, (M, n, n)."""

@@ -53,6 +53,7 @@ class StretchErrors:
     def __post_init__(self) -> None:
         self.samples = len(self.output)
         self.residual_start, self.loss_start = self.window.residual_start, self.window.loss_start
+        self.lender = self  # of buffers; no shorter
 
     # Tables of eight numbers a sample, made when needed: a problem that is only scaled has none.
     @cached_property
@@ -80,9 +81,10 @@ class StretchErrors:
         """Gauss-Newton matrices, (M, n, n), complete or only where B, level and states meet.  Those
         of the absolute loss are scaled by its mean second derivative: twice the density of the
         residuals at zero."""
-        sums = self._linear_lag_sums if linear else self._lag_sums
+        lender = self.lender
+        sums = lender._linear_lag_sums if linear else lender._lag_sums
         matrices: Array = gauss_newton_matrices(
-            *(self._record, self.objective, self._workspace, sums, DENSITY_BANDWIDTH),
+            *(self._record, self.objective, lender._workspace, sums, DENSITY_BANDWIDTH),
             *(np.ascontiguousarray(points), smoothing),
         )
         return matrices
@@ -138,18 +140,27 @@ class StretchErrors:
 
 
 class Passes:
-    """Passes over stretches, each with the place of its point and its share of the barriers."""
+    """Passes over stretches, each with the place of its point and its share of the barriers.
+    ``owners``: of each the only start that it counts for, -1 for all."""
 
-    def __init__(self, places: Sequence[tuple[StretchErrors, Indices]], shares: Array) -> None:
+    def __init__(
+        self,
+        places: Sequence[tuple[StretchErrors, Indices]],
+        shares: Array,
+        owners: Sequence[int] = (),
+    ) -> None:
         parts, at = zip(*places, strict=True)
         longest = max(parts, key=lambda part: part.samples)
+        for part in parts:
+            part.lender = longest
         records = [part._record for part in parts]
         signals = [r.y for r in records], [r.u for r in records]
         of_y, of_u = (s[0] if len(s) == 1 else np.concatenate(s) for s in signals)
         y, u = (np.cumsum([0, *map(len, s)]) for s in signals)
         ends = np.stack([y[:-1], y[1:], u[:-1], u[1:], [r.loss_stop for r in records]], axis=1)
-        weights = np.array([part.objective[2:4] for part in parts])
-        stretches = Stretches(of_y, of_u, ends, np.stack(at), shares, weights)
+        weights = np.array([part.objective[1:4] for part in parts])
+        of_starts = np.array(owners or [-1] * len(parts), dtype=np.intp)
+        stretches = Stretches(of_y, of_u, ends, np.stack(at), shares, weights, of_starts)
         self._problem = longest._record, stretches, longest.objective, longest._workspace
 
     def passed(

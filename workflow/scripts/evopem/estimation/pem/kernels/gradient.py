@@ -194,17 +194,28 @@ def pass_over(record, objective, workspace, task, points, smoothing, barriers):
 
 
 @allocating_njit
-def _pass_over_all(record, stretches, objective, workspace, task, points, smoothing, barriers):
-    """The sum of what passes over all stretches give for each row."""
+def _pass_over_all(
+    record, stretches, objective, workspace, task, rows, points, smoothing, barriers
+):
+    """The sum of what passes over the stretches of each of some starts, ``rows``, give for it."""
     values, gradients = np.zeros(len(points)), np.zeros(points.shape)
     for k, at in enumerate(stretches.places):
+        counted, owner = np.arange(len(points)), stretches.owners[k]
+        if owner >= 0:
+            counted = counted[rows == owner]
+        if counted.size == 0:
+            continue
         stretch, of_stretch = stretch_of(record, objective, stretches, k)
-        share = stretches.shares[k] * barriers
-        passed = pass_over(stretch, of_stretch, workspace, task, points[:, at], smoothing, share)
-        values += passed[0]
-        for r in range(len(points)):
+        of_rows = (
+            points[counted][:, at],
+            smoothing[counted],
+            stretches.shares[k] * barriers[counted],
+        )
+        passed = pass_over(stretch, of_stretch, workspace, task, *of_rows)
+        for j, r in enumerate(counted):
+            values[r] += passed[0][j]
             for i in range(at.size):
-                gradients[r, at[i]] += passed[1][r, i]
+                gradients[r, at[i]] += passed[1][j, i]
     return values, gradients
 
 
@@ -245,7 +256,8 @@ def passes(problem, task, state, smoothing, barriers, tolerance, limit, trials, 
         rows = np.nonzero(state.line["active"])[0]
         trial = trial_points(state, rows) if trials else state.x
         values, gradients = _pass_over_all(
-            record, stretches, objective, workspace, task, trial, smoothing[rows], barriers[rows]
+            *(record, stretches, objective, workspace, task, rows, trial),
+            *(smoothing[rows], barriers[rows]),
         )
         if not trials:
             return made, evaluations, values, gradients

@@ -71,7 +71,8 @@ class Record(NamedTuple):
 class Stretches(NamedTuple):
     """Records of the same orders: their signals one after the other.  ``ends``: of each the first
     sample and the end of y and of u, and of the samples that count.  ``places`` of its point in
-    that of all, ``shares`` of the barriers, ``weights`` of the squares of its states."""
+    that of all, ``shares`` of the barriers, ``weights`` of the loss and of the squares of its
+    states, ``owners``: the only start that it counts for, or -1."""
 
     y: Array
     u: Array
@@ -79,6 +80,7 @@ class Stretches(NamedTuple):
     places: Indices
     shares: Array
     weights: Array
+    owners: Indices
 
 
 class Objective(NamedTuple):
@@ -273,7 +275,8 @@ def stretch_of(record, objective, stretches, k):
     """A stretch as a record, with tables as long as those of the longest, and its objective."""
     ends, weights = stretches.ends[k], stretches.weights[k]
     signals = stretches.y[ends[0] : ends[1]], stretches.u[ends[2] : ends[3]]
-    parts = objective[:2] + (weights[0], weights[1]) + objective[4:]  # noqa: RUF005 - for numba
+    of_losses = weights[0], weights[1], weights[2]
+    parts = objective[:1] + of_losses + objective[4:]
     return Record(*(signals + record[2:-1] + (ends[4],))), Objective(*parts)
 
 
