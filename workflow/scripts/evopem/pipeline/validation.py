@@ -20,7 +20,7 @@ from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.pipeline.decisions import decision_record, rows_of_phases, rows_of_structures
 from evopem.pipeline.planning.stages import results_of
 from evopem.report.verdict_file import verdict_file
-from evopem.results.dataset import evidence_of, read_results
+from evopem.results.dataset import read_results
 from evopem.results.fleet import summarize
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import PreparedData, load_prepared
@@ -85,18 +85,17 @@ def complete_results(
     write_table(files.modes, modes.rows(record.input_names, record.output_names))
     for name, table in vars(tables).items():
         write_table(getattr(files, name), table)
-    evidence = evidence_of(record, validation, info, selections, searches, revised)
-    summary = summarize(evidence, varying.moves if varying else None)
+    known = {"settings": settings, "recording_info": info, "prepared": prepared, "model": record}
+    known |= {"validation": validation, "validation_tables": tables, "decisions": all_decisions}
+    known |= {"phases": selections, "searches": tuple(searches), "revised": revised}
+    results = read_results(files, varying=varying, **known)
+    summary = summarize(results.evidence, varying.moves if varying else None)
     save(summary, files.summary)
     # What other settings left, and an archive, whose contents are written anew.
     left = {*files.read_again()}.difference(results_of(settings, files, with_report=True))
     delete_results(files.folder, {Path(path).name for path in left})
     write_text(files.config, yaml_text(settings))
-    known = {"settings": settings, "recording_info": info, "prepared": prepared, "model": record}
-    known |= {"validation": validation, "validation_tables": tables, "decisions": all_decisions}
-    known |= {"phases": selections, "searches": tuple(searches), "revised": revised}
-    known["varying"] = varying
-    save(verdict_file(read_results(files, **known), summary, files), files.verdict)
+    save(verdict_file(results, summary, files), files.verdict)
 
 
 def _errors_of_other(files: DatasetFiles, prepared: PreparedData, purpose: str) -> OtherModel:

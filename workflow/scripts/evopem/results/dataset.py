@@ -1,6 +1,6 @@
 """All results of one data set, read once for figures and report."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import zip_longest
@@ -107,11 +107,12 @@ class DatasetResults:
 
     @property
     def evidence(self) -> Evidence:
-        """What the checks of the model judge."""
-        return evidence_of(
-            *(self.model, self.validation, self.recording_info),
-            *(self.phases, self.searches, self.revised),
-        )
+        """What the checks judge; without phases it is the choice of the automatic recipe."""
+        given = self.model, self.validation, self.recording_info
+        if self.revised is None:
+            return Evidence(*given, ranges_of_phases(self.phases))
+        ranges = _searched_range(self.revised.choice.candidate, self.searches)
+        return Evidence(*given, ranges, tuple(trial.check for trial in self.revised.trials))
 
     @cached_property
     def checks(self) -> list[Check]:
@@ -267,22 +268,6 @@ def _response(table: pd.DataFrame, source: str, prefix: str) -> pd.DataFrame:
     response = table[[*keys, *values]].rename(columns=lambda name: name.removeprefix(prefix))
     columns = ["source", "output", "input", "frequency_hz", *_RESPONSE, "coherence"]
     return response.assign(source=source).reindex(columns=columns)
-
-
-def evidence_of(
-    model: ModelRecord,
-    validation: Validation,
-    recording: RecordingInfo,
-    phases: Mapping[str, PhaseSelection],
-    searches: Iterable[StructureSearch],
-    revised: Revised | None,
-) -> Evidence:
-    """What the checks of a model judge; without phases it is the choice of the automatic recipe."""
-    if revised is None:
-        return Evidence(model, validation, recording, ranges_of_phases(phases))
-    ranges = _searched_range(revised.choice.candidate, searches)
-    trials = tuple(trial.check for trial in revised.trials)
-    return Evidence(model, validation, recording, ranges, trials)
 
 
 def _searched_range(

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from evopem.arrays import Array, Complex, Flags
+from evopem.signals.faulty_samples import runs_of
 from evopem.signals.spectra import overlapping_correlation, repetition_lag
 
 # Periods of an input are alike up to this share of their standard deviation.
@@ -81,9 +82,8 @@ def _repeating(signals: Array, period: int) -> list[slice]:
     change = np.sum((signals[period:] - signals[:-period]) ** 2 / np.var(signals, axis=0), axis=1)
     sums = np.cumsum(np.insert(change, 0, 0.0))
     unlike = (sums[period:] - sums[:-period]) / period + ROUNDING
-    edges = np.diff(unlike <= 2.0 * UNLIKE**2 * signals.shape[1], prepend=False, append=False)
     parts = []
-    for first, end in np.flatnonzero(edges).reshape(-1, 2):
+    for first, end in runs_of(unlike <= 2.0 * UNLIKE**2 * signals.shape[1]):
         alike = first + np.flatnonzero(unlike[first:end] <= AS_ALIKE * unlike[first:end].min())
         parts.append(slice(int(alike[0]), int(alike[-1]) + 2 * period))
     return parts

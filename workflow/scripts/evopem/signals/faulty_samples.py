@@ -78,7 +78,7 @@ def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
 
 def runs_of(samples: Flags) -> list[tuple[int, int]]:
     """First sample of each run of true ones, and the one after its last."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], samples, [False])).astype(int)))
+    edges = np.flatnonzero(np.diff(samples, prepend=False, append=False))
     return [(first, stop) for first, stop in edges.reshape(-1, 2).tolist()]
 
 

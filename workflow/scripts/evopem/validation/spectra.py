@@ -12,6 +12,7 @@ from evopem.config.structures import REGULARISED
 from evopem.errors import InputError
 from evopem.models.orders import Orders
 from evopem.models.state_space import StateSpaceModel
+from evopem.signals.faulty_samples import runs_of
 from evopem.signals.peaks import spectral_peaks
 from evopem.signals.recording import Recording
 from evopem.signals.spectra import Spectrum, multitaper_spectrum
@@ -132,10 +133,9 @@ def _relative_density(signal: Array, length: int) -> Array:
 
 def _bands(frequencies: Array, inside: Flags, power: Array) -> tuple[tuple[float, float], ...]:
     """Ranges of neighbouring frequencies with at least a hundredth of the power."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
     return tuple(
         (float(frequencies[begin]), float(frequencies[end - 1]))
-        for begin, end in edges.reshape(-1, 2)
+        for begin, end in runs_of(inside)
         if power[begin:end].sum() >= 0.01
     )
 
