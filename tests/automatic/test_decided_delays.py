@@ -1,5 +1,8 @@
 """The delay that the automatic recipe decides for one input and one output."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -9,6 +12,7 @@ from evopem.automatic.candidates import OrderLimits, Scorer
 from evopem.automatic.cross_validation.folds import decide_folds
 from evopem.automatic.fit import CommonSettings
 from evopem.automatic.orders import decide_delays, in_runs, search_structure
+from evopem.automatic.structures import _at_likely_delay
 from evopem.config.settings import OrderRanges
 from evopem.estimation.delays import delays_by_criterion, longest_delay
 from evopem.models.orders import Orders
@@ -212,3 +216,18 @@ def test_regularised_responses_begin_early_too_where_the_delay_is_long():
         scorer = Scorer(segments, plan, CommonSettings(), limits, (delay,))
         found = search_structure(scorer, "impulse", {}).candidates
         assert {candidate.orders.single.nk for candidate in found} == begins
+
+
+def test_other_likely_delays_are_tried_with_the_orders_of_a_candidate(monkeypatch):
+    """Small models have decided for too early a delay, or for one that is as likely as another."""
+    u, e = np.random.default_rng(6).standard_normal((2, 800))
+    y = lfilter([0.0] * 9 + [1.0], [1.0, -0.8], u) + 2.0 * e
+    segments = (Segment(u, y),)
+    scorer = Scorer(segments, decide_folds(segments), CommonSettings(), likely=((6, 7, 8, 9),))
+    early = scorer.candidate("oe", Orders(nb=1, nf=1, nk=8), scored=False)
+    found = _at_likely_delay(scorer, early)
+    assert found.delays == (9,)
+    near = replace(early, bic=found.bic + 1.0 / 800)
+    assert _at_likely_delay(scorer, near) is near
+    monkeypatch.setattr(scorer, "checks", lambda _: SimpleNamespace(whiteness=1e-6))
+    assert _at_likely_delay(scorer, early) is early

@@ -89,6 +89,11 @@ def test_what_folds_or_bic_tell_apart_is_not(small):
     assert chosen(large, small)[0] is large
 
 
+def test_a_loss_too_small_to_count_is_none_though_every_fold_has_it():
+    small, large = candidate(3, (0.003, 0.002, 0.003, 0.002, 0.002)), candidate(5)
+    assert chosen(large, small)[0] is small
+
+
 def test_a_model_beyond_the_excitation_loses_to_one_that_is_not():
     small, large = candidate(8), candidate(41)
     assert chosen(small, large, failed=large)[0] is small
@@ -123,14 +128,19 @@ def test_a_larger_error_within_one_standard_error_is_left_to_a_valid_likelihood(
     assert chosen(told_apart, best, of_all=of_all)[0] is best
 
 
+@pytest.mark.parametrize("whiteness", [0.5, 1e-4])
 @pytest.mark.parametrize("loss", [0.01, 0.1])
-def test_a_revision_must_not_take_what_simulations_of_all_samples_need(loss):
+@pytest.mark.parametrize("evidence", [4.0, 40.0])
+def test_a_revision_must_not_take_what_likelihoods_need(evidence, loss, whiteness):
+    """Those of one-step errors where they are white, else of simulations of all samples."""
     first = candidate(12)
-    smaller = replace(candidate(8, (0.03, -0.03, 0.03, -0.02, 0.0)), simulation_bic=loss)
-    failed = {id(first): ("Poles and zeros distinct",), id(smaller): ()}
-    scorer = SimpleNamespace(checks=lambda each: SimpleNamespace(failed=failed[id(each)]))
+    smaller = candidate(8, (0.03, -0.03, 0.03, -0.02, 0.0), evidence)
+    smaller = replace(smaller, simulation_bic=loss)
+    scorer = scorer_of((first, smaller), failed=first)
+    for each in (first, smaller):
+        scorer.checks(each).whiteness = whiteness
     allowed = _is_allowed(scorer, smaller, first, Choice("simulation", first, "constant"))
-    assert allowed == (loss < 0.02)
+    assert allowed == (evidence < 6.0 if whiteness > 0.01 else loss < 0.02)
 
 
 @pytest.mark.parametrize("gain", [0.0, 0.5])
@@ -384,6 +394,7 @@ def compared(monkeypatch, *models):
     scorer = scorer_of(models)
     scorer.known = scorer.on_all_samples = lambda each: each
     scorer.has_input, scorer.with_scores, scorer.remember = True, list, list
+    scorer.likely = ()
     scorer.settings, scorer.with_own_scores = CommonSettings(), with_own_scores
     monkeypatch.setattr(structures, "refine_orders", lambda *_: [])
     monkeypatch.setattr(structures, "gain_of_nothing", lambda *_: None)

@@ -199,7 +199,7 @@ class Scorer:
     Structures and orders of a long record of one output are compared on its first ``MOST_SAMPLES``
     samples; :meth:`on_all_samples` fits what was chosen to all.
 
-    ``limits``: Other orders have no candidates. ``delays``: Of inputs, where orders have none.
+    ``limits``: Other orders have none. ``delays``: Where orders have none. ``likely``: Others.
     """
 
     def __init__(
@@ -209,9 +209,10 @@ class Scorer:
         settings: CommonSettings,
         limits: OrderLimits = OrderLimits(),
         delays: tuple[int, ...] = (),
+        likely: tuple[tuple[int, ...], ...] = (),
     ) -> None:
         self.whole, self.plan, self.settings = tuple(stretches), plan, settings
-        self.limits, self.delays = limits, delays
+        self.limits, self.delays, self.likely = limits, delays, likely
         inputs, outputs = stretches[0].inputs.shape[1], stretches[0].outputs.shape[1]
         self.has_input = inputs > 0
         self.stretches = first_samples(stretches, MOST_SAMPLES) if outputs == 1 else self.whole

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import stdtrit
 
-from evopem.automatic.candidates import BIC, SIMULATION_BIC, Candidate, Score, Scorer
+from evopem.automatic.candidates import BIC, GAIN, SIMULATION_BIC, Candidate, Score, Scorer
 from evopem.automatic.cross_validation.folds import held_out_scores
 from evopem.automatic.cross_validation.simulation import errors_simulated_on
 from evopem.config.structures import REGULARISED
@@ -47,12 +47,12 @@ def as_good(
 ) -> bool:
     """Whether a model does as well on held-out samples as another.
 
-    Within some standard errors of the mean difference of the folds, and within a share.
+    Within some standard errors of the mean difference of the folds and a share, or by no gain.
     """
     score = score_of(kind)
     if not np.isfinite(score(candidate)):
         return candidate is best
-    largest = min(standard_errors * standard_error(candidate, best, kind), share)
+    largest = max(GAIN, min(standard_errors * standard_error(candidate, best, kind), share))
     return float(np.log(score(candidate) / score(best))) <= largest
 
 

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
-from evopem.automatic.candidates import Candidate, Scorer
+from evopem.automatic.candidates import BIC, SIMULATION_BIC, Candidate, Scorer
 from evopem.automatic.decision import Decision, Trial
-from evopem.automatic.fold_errors import as_good, score_of
+from evopem.automatic.fold_errors import STRONG, as_good, score_of
 from evopem.automatic.orders import with_white_noise
 from evopem.automatic.revision_orders import (
     DELAY,
@@ -107,7 +107,11 @@ def _is_allowed(scorer: Scorer, candidate: Candidate, first: Candidate, choice: 
         return as_before
     gains = len(scorer.checks(candidate).failed) < len(scorer.checks(first).failed)
     gains |= candidate.bic < first.bic
-    likely = candidate.simulation_bic <= first.simulation_bic + TOLERATED
+    # Of white residuals the BIC tells what the data know of the plant.
+    is_white = scorer.checks(first).whiteness >= SIGNIFICANCE
+    most = STRONG / scorer.independent_samples if is_white else TOLERATED
+    criterion = BIC if is_white else SIMULATION_BIC
+    likely = criterion(candidate) <= criterion(first) + most
     return likely and (as_before or (gains and as_good(candidate, first, choice.kind, 1.0)))
 
 

@@ -32,7 +32,7 @@ from evopem.automatic.fold_errors import (
     score_of,
     simplest,
 )
-from evopem.automatic.orders import WEAK, refine_orders
+from evopem.automatic.orders import WEAK, changed, refine_orders
 from evopem.automatic.preparation.disturbance import follow_input
 from evopem.config.settings import Purpose
 from evopem.errors import NoModelError
@@ -44,6 +44,9 @@ Level = Literal["constant", "state"]
 # likelihood: where its residuals are valid, and where all its checks hold or chance allows it.
 MOST_WHEN_VALID, MOST_WHEN_ALL_HOLD = 1.25, 3.0
 FINALISTS = 2
+# Likely delays of an input that are tried with the orders of these, and a difference of BIC, not
+# divided by the samples, that is evidence for another one (Kass & Raftery 1995).
+MOST_DELAYS, POSITIVE = 12, 2.0
 # One-step errors over simulation errors, on held-out samples, that refute a noise model.
 HARMFUL = 1.5
 # The largest logarithm of a ratio of errors that standard errors of few folds may call chance.
@@ -131,7 +134,8 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
         score = score_of(_kind_of(level))
         for criterion in (score, BIC):
             for finalist in _finalists(candidates, criterion):
-                candidates.extend(refine_orders(scorer, finalist, criterion))
+                start = _at_likely_delay(scorer, finalist)
+                candidates.extend(refine_orders(scorer, start, criterion))
         # What was refined may have been searched, and scored only then.
         candidates = list(dict.fromkeys(map(scorer.known, candidates)))
         candidates, refuted = _with_valid_noise(candidates)
@@ -214,6 +218,21 @@ def _finalists(candidates: Sequence[Candidate], score: Score) -> list[Candidate]
     polynomials = [c for c in parametric(candidates) if c.polynomials is not None]
     best = {c.structure: c for c in sorted(polynomials, key=score, reverse=True)}
     return sorted(best.values(), key=score)[:FINALISTS]
+
+
+def _at_likely_delay(scorer: Scorer, start: Candidate) -> Candidate:
+    """A candidate, or the same with another likely delay of an input where the BIC is lower.
+
+    Of coloured residuals it tells no delay.
+    """
+    is_white = scorer.checks(start).whiteness >= BY_CHANCE
+    best, models = start, [start.polynomials] if start.polynomials is not None else []
+    for place, likely in enumerate(scorer.likely if is_white else ()):
+        for delay in likely[:: 1 + len(likely) // MOST_DELAYS]:
+            orders = changed(start.orders, place, nk=delay - start.orders.nk[place])
+            moved = scorer.candidate(start.structure, orders, models, False, False)
+            best = min(best, moved or start, key=BIC)
+    return best if start.bic - best.bic > POSITIVE / scorer.independent_samples else start
 
 
 def _for_simulation(

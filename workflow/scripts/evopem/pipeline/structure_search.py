@@ -60,6 +60,7 @@ class Scored:
             replace(fits, objective=record.plan.objective),
             limits,
             delay.delays,
+            delay.likely,
         )
         return cls(prepared, record, scorer)
 
