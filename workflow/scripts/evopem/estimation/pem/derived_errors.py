@@ -29,7 +29,7 @@ class KStepErrors:
     def weights(self, point: Array) -> Array:
         """The first k terms of the impulse response of H, (k,)."""
         a, c, d = self._noise_model(point)
-        return _divided(_divided(np.append(c, np.zeros(self.horizon))[: self.horizon], a), d)
+        return divided(divided(np.append(c, np.zeros(self.horizon))[: self.horizon], a), d)
 
     def residuals(self, point: Array) -> Array:
         """k-step errors that count, of all stretches one after the other."""
@@ -57,8 +57,8 @@ class KStepErrors:
         a, _, d = self._noise_model(point)
         weights, e = self.weights(point), errors.residuals(point)[errors.residual_start :]
         jacobian = _filtered(weights, np.concatenate(list(errors.jacobian_blocks(point))))
-        by_c = _divided(_divided(np.eye(1, self.horizon)[0], a), d)
-        by_a, by_d = -_divided(weights, a), -_divided(weights, d)
+        by_c = divided(divided(np.eye(1, self.horizon)[0], a), d)
+        by_a, by_d = -divided(weights, a), -divided(weights, d)
         for name, response in (("a", by_a), ("c", by_c), ("d", by_d)):
             part = errors.orders.part(name)
             # The j-th derivative has k - j terms, delayed by j samples.
@@ -120,11 +120,11 @@ class KStepErrors:
         return a, c, d
 
 
-def _divided(response: Array, denominator: Array) -> Array:
-    """The first terms of a response through ``1/denominator``."""
-    divided = response[None, :].copy()
-    filter_rows(divided, denominator, np.zeros((1, len(denominator) - 1)))
-    return divided[0]
+def divided(response: Array, denominator: Array) -> Array:
+    """A signal, or the first terms of a response, through ``1/denominator`` from rest."""
+    through = response[None, :].copy()
+    filter_rows(through, denominator, np.zeros((1, len(denominator) - 1)))
+    return through[0]
 
 
 def _filtered(response: Array, signals: Array) -> Array:

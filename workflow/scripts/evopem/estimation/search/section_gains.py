@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.arrays import Array, Complex, Indices
-from evopem.estimation.pem.kernels.polynomials import filter_rows
+from evopem.estimation.pem.derived_errors import divided
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import StretchErrors
 
@@ -108,15 +108,9 @@ def _slopes_and_signals(
     c, d = (np.append(1.0, point[errors.orders.part(name)]) for name in "cd")
     signals = [slopes]
     if ("c", 0) in shared:
-        signals.append(_filtered(residuals, np.ones(1), c))
+        signals.append(divided(residuals, c))
     for place in (place for letter, place in shared if letter == "b"):
         f = np.append(1.0, point[errors.orders.part("f", place)])
-        signals.append(_filtered(errors.inputs[:, place], d, np.convolve(c, f)))
+        above = np.convolve(errors.inputs[:, place], d)[: len(residuals)]
+        signals.append(divided(above, np.convolve(c, f)))
     return signals
-
-
-def _filtered(signal: Array, numerator: Array, denominator: Array) -> Array:
-    """A signal filtered from rest."""
-    filtered = np.convolve(signal, numerator)[None, : len(signal)]
-    filter_rows(filtered, denominator, np.zeros((1, len(denominator) - 1)))
-    return filtered[0]

@@ -13,7 +13,7 @@ import numpy as np
 
 from evopem.arrays import Array, Complex, Indices
 from evopem.estimation.state_space.errors import ScaledRecording, StateSpaceErrors
-from evopem.estimation.state_space.starting_points import from_matrices, from_poles
+from evopem.estimation.state_space.starting_points import from_matrices, from_poles, ridge
 
 # Lags of the long ARX models, and horizons of the instrumental estimates.
 LAGS = (8, 20, 50)
@@ -215,10 +215,5 @@ def _shift_poles(observability: Array, outputs: int, largest_order: int) -> list
 
 
 def _least_squares(regressors: Array, targets: Array) -> Array:
-    gram = regressors.T @ regressors
-    scale = np.sqrt(np.diag(gram))
-    scale[scale == 0.0] = 1.0
-    gram = gram / np.outer(scale, scale)
-    gram[np.diag_indices_from(gram)] += RIDGE * len(gram)
-    solution: Array = np.linalg.solve(gram, (regressors.T @ targets) / scale[:, None])
-    return solution / scale[:, None]
+    products = regressors.T @ targets
+    return ridge(regressors.T @ regressors, products, RIDGE * regressors.shape[1])

@@ -128,18 +128,21 @@ def _residues(errors: StateSpaceErrors, responses: Array, outputs: Array) -> tup
     layout = errors.layout
     direct = [part for part in errors.direct if part.shape[1]]
     x = np.column_stack([responses, *direct])
-    solution = _ridge(x.T @ x, x.T @ outputs)
+    solution = ridge(x.T @ x, x.T @ outputs)
     count = layout.sections * layout.drives
     shape = (layout.sections, layout.drives, outputs.shape[1])
     return solution[:count].reshape(shape), solution[count : 2 * count].reshape(shape)
 
 
-def _ridge(gram: Array, products: Array) -> Array:
-    """Least squares by the Gram matrix of regressors, (k, k), and products with targets."""
+def ridge(gram: Array, products: Array, share: float = RESIDUE_RIDGE) -> Array:
+    """Least squares by the Gram matrix of regressors, (k, k), and products with targets.
+
+    ``share``: of the mean square of each regressor, which is added to it.
+    """
     sizes = np.sqrt(np.maximum(np.diag(gram), 0.0))
     sizes[sizes == 0.0] = 1.0
     gram = gram / np.outer(sizes, sizes)
-    gram[np.diag_indices_from(gram)] += RESIDUE_RIDGE
+    gram[np.diag_indices_from(gram)] += share
     solution: Array = np.linalg.solve(gram, products / sizes[:, None]) / sizes[:, None]
     return solution
 
@@ -243,7 +246,7 @@ def extended(
         extra = _driven(added, bare, *_residues(added, responses, solved.errors))
         states = responses @ _states_of_responses(added.layout, extra)
         known, products = solved.basis.T @ states, states.T @ solved.errors
-        gained = products.T @ _ridge(states.T @ states - known.T @ known, products)
+        gained = products.T @ ridge(states.T @ states - known.T @ known, products)
         value = larger.criterion(solved.covariance - gained / larger.data.samples)
         ranked.append((value, extra))
     best = np.argsort([value for value, _ in ranked], kind="stable")[:kept]
