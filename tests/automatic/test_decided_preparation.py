@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from records import noisy, output_error_record
-from scipy.signal import lfilter
+from scipy.signal import chirp, lfilter
 
+from evopem.automatic.preparation.decimation import decide_decimation
 from evopem.automatic.preparation.disturbance import decide_differences
 from evopem.automatic.preparation.plan import decide_preparation, prepare
 from evopem.config.settings import GivenPreparation
@@ -108,6 +109,18 @@ def test_decimation_of_an_oversampled_record_is_scored():
     scores = {each.name: each.score for each in decision.alternatives}
     assert len(scores) > 1
     assert scores[decision.choice] <= 1.05 * min(scores.values())
+
+
+def test_a_long_delay_alone_is_no_reason_for_a_lower_rate():
+    """Models of a few coefficients reach behind it at the lower rate only."""
+    u = chirp(np.arange(480), 0.0005, 480, 0.02)
+    y = lfilter([0.0] * 40 + [0.1], [1.0, -0.9], u)
+    y = noisy(y, np.random.default_rng(1).standard_normal(480), 2.0)
+    factor, decision = decide_decimation([Segment(u - u.mean(), y - y.mean())])
+    scores = {each.name: each.score for each in decision.alternatives}
+    assert scores["2"] < 0.9 * scores["1"]
+    assert (factor, decision.choice) == (1, "1")
+    assert "the rate is kept" in decision.sentence
 
 
 def test_an_output_that_drifts_is_not_taken_for_oversampled():

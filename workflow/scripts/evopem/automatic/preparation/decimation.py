@@ -14,6 +14,7 @@ from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import FOLD_STAGES, CommonSettings, fit
 from evopem.automatic.state_space import fits_in_state_space
 from evopem.errors import InputError, NoModelError
+from evopem.estimation.delays import likely_delays, longest_delay
 from evopem.models.orders import Orders
 from evopem.signals.recording import Recording, Segment, total_samples
 from evopem.signals.spectra import frequency_response
@@ -67,13 +68,17 @@ def decide_decimation(stretches: Sequence[Segment]) -> tuple[int, Decision]:
         )
     if not kept:
         return 1, Decision("decimation", "1", (Alternative("1", np.nan),), CRITERION, sentence)
-    alternatives = [Alternative(str(f), _decimated_error(stretches, f)) for f in (1, *kept)]
+    nk = (0,) * stretches[0].inputs.shape[1]
+    alternatives = [Alternative(str(f), _decimated_error(stretches, f, nk)) for f in (1, *kept)]
     best = min(alternative.score for alternative in alternatives)
     within = (a for a in alternatives if a.score <= (1.0 + LEAST_GAIN) * best)
     chosen = next(within, alternatives[0])
     sentence = (
         f"{below} of the sampling rate. A factor of {chosen.name} simulates held-out samples best."
     )
+    if chosen is not alternatives[0] and not _is_confirmed(stretches, int(chosen.name)):
+        chosen = alternatives[0]
+        sentence += " Models with the delays of the inputs do not gain by it: the rate is kept."
     about = Decision("decimation", chosen.name, tuple(alternatives), CRITERION, sentence)
     return int(chosen.name), about
 
@@ -112,7 +117,18 @@ def coherence_edge(stretches: Sequence[Segment]) -> float:
     return 0.5 * max(coherent, default=0) / COHERENCE_BANDS
 
 
-def _decimated_error(stretches: Sequence[Segment], factor: int) -> float:
+def _is_confirmed(stretches: Sequence[Segment], factor: int) -> bool:
+    """Whether a lower rate gains by models that have the delays of the inputs.
+
+    A few coefficients do not reach behind a long delay, which is shorter at a lower rate.
+    """
+    limits = [(0, longest_delay(stretches))] * stretches[0].inputs.shape[1]
+    nk = tuple(likely.delay for likely in likely_delays(stretches, limits))
+    recorded, lower = (_decimated_error(stretches, f, nk) for f in (1, factor))
+    return lower < recorded
+
+
+def _decimated_error(stretches: Sequence[Segment], factor: int, nk: tuple[int, ...]) -> float:
     """Best error of a few models at a lower rate; what the filter takes is added, in percent."""
     lower = [decimated_stretch(stretch, factor) for stretch in stretches]
     lost = sum(np.sum((s.outputs - smoothed(s.outputs, factor)) ** 2, axis=0) for s in stretches)
@@ -120,17 +136,18 @@ def _decimated_error(stretches: Sequence[Segment], factor: int) -> float:
         np.sum((stretch.outputs - stretch.outputs.mean(axis=0)) ** 2, axis=0)
         for stretch in stretches
     )
-    return float(100.0 * np.sqrt(np.mean(_least_error(lower) + lost / total)))
+    least = _least_error(lower, tuple(delay // factor for delay in nk))
+    return float(100.0 * np.sqrt(np.mean(least + lost / total)))
 
 
-def _least_error(stretches: Sequence[Segment]) -> Array:
+def _least_error(stretches: Sequence[Segment], nk: tuple[int, ...]) -> Array:
     """Mean square errors of the best of a few models on held-out halves, relative, (l,)."""
     folds = folds_of(tuple(stretches), 2, 1, SHORTEST_BLOCK)
     held_out = [stretch for fold in folds for stretch in fold.held_out]
     power = np.mean(np.concatenate([y.outputs - y.outputs.mean(axis=0) for y in held_out]) ** 2, 0)
     errors: dict[str, list[Array]] = defaultdict(list)
     for fold in folds:
-        for name, model in _probes(fold.training):
+        for name, model in _probes(fold.training, nk):
             parts = zip(fold.before, fold.held_out, strict=True)
             left = [errors_simulated_on(model, *part) for part in parts]
             errors[name].append(np.mean(np.concatenate(left) ** 2, axis=0) / power)
@@ -138,17 +155,15 @@ def _least_error(stretches: Sequence[Segment]) -> Array:
     return min(means, key=np.mean, default=np.full(len(power), np.inf))
 
 
-def _probes(training: Sequence[Segment]) -> Iterator[tuple[str, Model]]:
+def _probes(training: Sequence[Segment], nk: tuple[int, ...]) -> Iterator[tuple[str, Model]]:
     """Output-error models, and of one output ARX models, as far as the samples carry them."""
-    inputs, outputs = training[0].inputs.shape[1], training[0].outputs.shape[1]
-    if outputs > 1:
-        delays = (0,) * inputs
-        fits = fits_in_state_space(training, "ss_oe", PROBES, delays, CommonSettings())
+    if training[0].outputs.shape[1] > 1:
+        fits = fits_in_state_space(training, "ss_oe", PROBES, nk, CommonSettings())
         yield from ((str(n), fitted.model) for n, fitted in fits)
         return
     for n in PROBES:
-        nb = (n,) * inputs
-        for orders in (Orders(nb=nb, nf=nb), Orders(na=n, nb=nb)):
+        nb = (n,) * len(nk)
+        for orders in (Orders(nb=nb, nf=nb, nk=nk), Orders(na=n, nb=nb, nk=nk)):
             with suppress(NoModelError):
                 yield str(orders), fit(training, orders, stages=FOLD_STAGES).model
 
