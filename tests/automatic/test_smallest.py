@@ -228,7 +228,7 @@ def test_a_valid_model_simulates_worse_by_no_more_than_chance(effect, is_taken):
     """One whose residuals are white, though it has more coefficients than the input excites."""
     likeliest, best = candidate(12, effect), candidate(8, evidence=40.0)
     scorer = scorer_of((likeliest, best), failed=likeliest)
-    choice = _by_likelihood(scorer, (likeliest, best), "simulation", best)
+    choice = _by_likelihood(scorer, (likeliest, best), "simulation", best, False)
     assert (choice is not None and choice[0] is likeliest) == is_taken
 
 
@@ -249,7 +249,8 @@ def test_residuals_that_are_fed_back_to_the_input_may_depend_on_it(
     monkeypatch.setattr(structures, "feedback_test", lambda *_: feedback)
     monkeypatch.setattr(structures, "_misses_response", lambda *_: misses)
     scorer = scorer_of((likeliest, best), of_all=(INDEPENDENT_OF_INPUT,))
-    choice = _by_likelihood(scorer, (likeliest, best), "simulation", best)
+    fed_back = structures._is_fed_back(scorer, likeliest)
+    choice = _by_likelihood(scorer, (likeliest, best), "simulation", best, fed_back)
     assert (choice is not None and choice[0] is likeliest) == is_taken
     assert choice is None or "fed back" in choice[1]
 
@@ -270,9 +271,9 @@ def test_no_simple_model_takes_the_place_of_a_valid_one_under_feedback(monkeypat
 def test_a_likely_model_is_not_taken_for_its_likelihood_where_that_says_little(check):
     """Of a root at the bound the largest likelihood is no inner one."""
     likeliest, best = candidate(12), candidate(8, evidence=40.0)
-    of_all = scorer_of((likeliest, best), of_all=(check,))
-    assert _by_likelihood(scorer_of((likeliest, best)), (likeliest, best), "simulation", best)
-    assert _by_likelihood(of_all, (likeliest, best), "simulation", best) is None
+    given = (likeliest, best), "simulation", best, False
+    assert _by_likelihood(scorer_of((likeliest, best)), *given)
+    assert _by_likelihood(scorer_of((likeliest, best), of_all=(check,)), *given) is None
 
 
 @pytest.mark.parametrize(

@@ -139,30 +139,35 @@ def _polynomials(
             log=log,
         )
     else:
-        try:
-            model = replace(model, structure=candidate.structure)
-            estimate = refitted_estimate(model, estimation, search)
-        except LostModelError:
-            raise
-        except NoModelError:
-            raise InputError(
-                "search.max_root_radius",
-                f"the chosen model has a root of a radius above {search.max_root_radius:g}",
-                "raise it",
-            ) from None
-        if search.evaluations and orders.structure not in REGULARISED:
-            estimate = _searched(estimate, estimation, orders, search, log)
-        bound = search.max_root_radius
-        if 0.95 < bound < 1.0 <= np.abs(estimate.model.poles()).max(initial=0.0):
+        model, bound = replace(model, structure=candidate.structure), search.max_root_radius
+        estimate = _optimum(model, estimation, search, log)
+        while 0.95 < bound < 1.0 <= np.abs(estimate.model.poles()).max(initial=0.0):
             # Coefficients of many poles near 1 are rounded to those of a pole beyond the bound.
-            inside = replace(search, max_root_radius=1.0 - 10.0 * (1.0 - bound))
+            bound = 1.0 - 10.0 * (1.0 - bound)
             try:
-                return _polynomials(candidate, estimation, scorer, inside, fit, log)
+                inside = replace(search, max_root_radius=bound)
+                estimate = _optimum(model, estimation, inside, log)
             except LostModelError:
                 raise
             except InputError:
-                pass  # no descent begins so far inside: checks say that the model is unstable
+                break  # no descent begins so far inside: checks say that the model is unstable
     return estimate, scorer.limits.at_upper_ends(orders)
+
+
+def _optimum(
+    model: PolynomialModel, estimation: Recording, search: SearchSettings, log: Log | None
+) -> PolynomialEstimate:
+    """The optimum next to a model, or a lower one of a search; InputError beyond its radius."""
+    try:
+        estimate = refitted_estimate(model, estimation, search)
+    except LostModelError:
+        raise
+    except NoModelError:
+        problem = f"the chosen model has a root of a radius above {search.max_root_radius:g}"
+        raise InputError("search.max_root_radius", problem, "raise it") from None
+    if search.evaluations and model.structure not in REGULARISED:
+        estimate = _searched(estimate, estimation, model.orders, search, log)
+    return estimate
 
 
 def refitted_estimate(

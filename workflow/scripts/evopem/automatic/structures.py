@@ -242,7 +242,7 @@ def _for_simulation(
     best = min(candidates, key=score)
     likeliest = min(searched, key=BIC)
     is_fed_back = _is_fed_back(scorer, likeliest)
-    likely = _by_likelihood(scorer, searched, kind, best)
+    likely = _by_likelihood(scorer, searched, kind, best, is_fed_back)
     choice = likely or _smallest_as_good(scorer, searched, kind)
     # Under feedback models without noise have the lowest simulation errors, and a wrong response.
     if not (is_fed_back and likely):
@@ -257,7 +257,7 @@ def _for_simulation(
 
 
 def _by_likelihood(
-    scorer: Scorer, candidates: Sequence[Candidate], kind: Kind, lowest: Candidate
+    scorer: Scorer, candidates: Sequence[Candidate], kind: Kind, lowest: Candidate, fed_back: bool
 ) -> tuple[Candidate, str] | None:
     """A model by its likelihood, where it is valid; ``lowest`` simulates best of all.
 
@@ -276,7 +276,7 @@ def _by_likelihood(
     ):
         return None
     independent = INDEPENDENT_OF_INPUT not in checks.failed
-    if not (independent or _is_fed_back(scorer, likeliest)):
+    if not (independent or fed_back):
         return None
     near = _without_evidence(scorer, candidates, BIC)
     best = min(near, key=score)
