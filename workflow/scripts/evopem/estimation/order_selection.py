@@ -275,9 +275,7 @@ def estimate_in_parallel(
             }
             estimates |= {index: estimate.result() for index, estimate in running.items()}
     except BrokenProcessPool:
-        raise InputError(
-            f"the candidates of phase {phase}",
-            "a process that estimates them was killed, as a system without memory does",
-            "run again with fewer cores or jobs, or with more memory",
-        ) from None
+        problem = "a process that estimates them was killed, as a system without memory does"
+        remedy = "run again with fewer cores or jobs, or with more memory"
+        raise InputError(f"the candidates of phase {phase}", problem, remedy) from None
     return [candidate for index in range(len(orders)) for candidate in estimates[index]]

@@ -205,12 +205,9 @@ def _noise_fit(
     starts[:, parameters.linear] = 0.0
     starts = starts[np.isfinite(constrained.values(starts))]
     if not len(starts):
-        raise InputError(
-            "constraints",
-            "no invertible noise model with the fixed coefficients was found",
-            "check the fixed coefficients of C and D",
-            "fixed_coefficients",
-        )
+        lacking = "no invertible noise model with the fixed coefficients was found"
+        remedy = "check the fixed coefficients of C and D"
+        raise InputError("constraints", lacking, remedy, "fixed_coefficients")
     if parameters.linear.any():
         steps = LINEAR_STEPS[errors.objective]
         starts = solve_linear(constrained, starts, parameters.linear, steps)

@@ -50,11 +50,9 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
 
 def not_written(path: Path, error: OSError) -> InputError:
     """What is said of a file that the file system does not let be written."""
-    return InputError(
-        str(path),
-        f"cannot be written ({error.strerror or error})",
-        "free disk space or change the permissions of that folder, and run again",
-    )
+    problem = f"cannot be written ({error.strerror or error})"
+    remedy = "free disk space or change the permissions of that folder, and run again"
+    return InputError(str(path), problem, remedy)
 
 
 def files_below(folder: str | Path, ending: str) -> list[Path]:

@@ -111,11 +111,9 @@ def given_recordings(data: Any, wanted: Wanted, source: str = DATA) -> tuple[Giv
     if _is_table(several[0]) and not outputs and not _has_samples(output):
         outputs = [output] * len(several)
     if len(outputs) != len(several):
-        raise InputError(
-            source,
-            f"there are {len(several)} inputs and {len(outputs) or 'no'} outputs",
-            "give a list of the input and of the output of each recording",
-        )
+        problem = f"there are {len(several)} inputs and {len(outputs) or 'no'} outputs"
+        remedy = "give a list of the input and of the output of each recording"
+        raise InputError(source, problem, remedy)
     signals = tuple(
         given_signals(data, replace(wanted, output=response), f"{source}, recording {number}")
         for number, (data, response) in enumerate(zip(several, outputs, strict=True), start=1)

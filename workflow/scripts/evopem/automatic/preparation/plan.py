@@ -184,19 +184,15 @@ def _check_stretches(recording: Recording, plan: PreparationPlan, names: Sequenc
     stretches = stretches_of(recording, plan)
     for number in dict.fromkeys(recording.segment_recordings):
         if number not in {stretch.segment.recording for stretch in stretches}:
-            raise InputError(
-                names[number] if names else f"recording {number + 1}",
-                f"no stretch for estimation has {SHORTEST_STRETCH} samples without a gap",
-                "give a longer recording, or one with fewer missing samples",
-            )
+            problem = f"no stretch for estimation has {SHORTEST_STRETCH} samples without a gap"
+            remedy = "give a longer recording, or one with fewer missing samples"
+            name = names[number] if names else f"recording {number + 1}"
+            raise InputError(name, problem, remedy)
     kept = recording.with_segments([stretch.segment for stretch in stretches])
     for name, signal in kept.signals.items():
         if np.ptp(signal) == 0.0:
-            raise InputError(
-                name,
-                f"every sample is {signal[0]:g}, so there is nothing to identify",
-                "choose a channel that varies",
-            )
+            problem = f"every sample is {signal[0]:g}, so there is nothing to identify"
+            raise InputError(name, problem, "choose a channel that varies")
 
 
 def prepare(recording: Recording, plan: PreparationPlan) -> PreparedRecord:
@@ -244,11 +240,9 @@ def prepared_data(divided: PreparedData, plan: PreparationPlan, place: str) -> P
     validation, held_out = _part(divided.validation, before.validation, others, offsets)
     for origin, whole in zip(before.validation, divided.validation.segments, strict=True):
         if origin.recording not in {origin.recording for origin in held_out}:
-            raise InputError(
-                f"{place}.split",
-                f"{whole.samples} validation samples are too few",
-                "leave more samples to validation, or record longer",
-            )
+            problem = f"{whole.samples} validation samples are too few"
+            remedy = "leave more samples to validation, or record longer"
+            raise InputError(f"{place}.split", problem, remedy)
     ends = [origin.first + origin.samples for origin in before.estimation]
     continued = (
         plan.factor == 1

@@ -182,12 +182,8 @@ def _linear(
     if inner:
         inner_offset = np.asarray(np.linalg.lstsq(rows, target, rcond=None)[0], dtype=float)
     if np.any(np.abs(rows @ inner_offset - target) > 1e-9 * (1.0 + np.abs(target))):
-        raise InputError(
-            "constraints",
-            "no polynomial has both the fixed poles and the fixed coefficients",
-            "leave out one of them",
-            "fixed_coefficients",
-        )
+        problem = "no polynomial has both the fixed poles and the fixed coefficients"
+        raise InputError("constraints", problem, "leave out one of them", "fixed_coefficients")
     inner_basis = null_space(rows) if fixed.any() and inner else np.eye(inner)
     offset, basis = start + columns @ inner_offset, columns @ inner_basis
     offset[fixed], basis[fixed] = values[fixed], 0.0

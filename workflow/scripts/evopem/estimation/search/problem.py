@@ -146,11 +146,9 @@ class SearchProgress:
     def result(self) -> SearchResult:
         """The best point of all, with diagnostics.  InputError when no value was finite."""
         if self.point is None:
-            raise InputError(
-                "search",
-                "no model that was tried predicts the output with finite errors",
-                "look for values that stand out by many orders of magnitude, and remove them",
-            )
+            problem = "no model that was tried predicts the output with finite errors"
+            remedy = "look for values that stand out by many orders of magnitude, and remove them"
+            raise InputError("search", problem, remedy)
         diagnostics = SearchDiagnostics(
             evaluations=self.spent,
             generations=self.generations,
