@@ -32,21 +32,20 @@ def trainings(*records):
     return [fold.training for d in designs for fold in folds_of(records, *d, shortest=5)]
 
 
-def one_by_one(parts, model, structure):
-    return [
-        fit(p, model.orders, "quadratic", [model], False, structure, FOLD_STAGES) for p in parts
-    ]
+def one_by_one(parts, model, structure, objective="quadratic"):
+    return [fit(p, model.orders, objective, [model], False, structure, FOLD_STAGES) for p in parts]
 
 
 @pytest.mark.parametrize("refresh", [bfgs.REFRESH, 1])
+@pytest.mark.parametrize("objective", ["quadratic", "absolute"])
 @pytest.mark.parametrize("orders", ORDERS, ids=str)
-def test_all_parts_end_where_each_ends_alone(record, orders, refresh, monkeypatch):
+def test_all_parts_end_where_each_ends_alone(record, orders, objective, refresh, monkeypatch):
     """Also where inverse Hessians are approximated anew for those that have not ended."""
     monkeypatch.setattr(bfgs, "REFRESH", refresh)
-    parts, model = trainings(record), fit([record], orders).model
-    expected = one_by_one(parts, model, orders.structure)
+    parts, model = trainings(record), fit([record], orders, objective).model
+    expected = one_by_one(parts, model, orders.structure, objective)
     monkeypatch.setattr(module, "fit", None)  # none is left to be fitted alone
-    found = fits_of_parts(parts, model, orders.structure, "quadratic")
+    found = fits_of_parts(parts, model, orders.structure, objective)
     for one, alone in zip(found, expected, strict=True):
         np.testing.assert_allclose(one.parameters, alone.model.parameters, rtol=1e-6, atol=1e-7)
         assert one.level == pytest.approx(alone.model.level, rel=1e-6, abs=1e-7)

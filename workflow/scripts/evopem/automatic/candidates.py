@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from operator import attrgetter
 
 import numpy as np
@@ -337,18 +336,15 @@ class Scorer:
 
     def scored(self, candidate: Candidate) -> Candidate:
         """A candidate with its scores on held-out samples."""
-        refitted = partial(self._refitted_on_parts, candidate)
-        bound = self.settings.max_root_radius
+        model, bound = candidate.model, self.settings.max_root_radius
+
+        def refitted(parts: Sequence[Sequence[Segment]]) -> Sequence[Model]:
+            if isinstance(model, PolynomialModel):
+                return fits_of_parts(parts, model, candidate.structure, self.settings.objective)
+            return [self._refitted(candidate, stretches) for stretches in parts]
+
         scores = held_out_scores(self.stretches, self.plan, refitted, self.absolute, bound)
         return replace(candidate, scores=scores)
-
-    def _refitted_on_parts(
-        self, candidate: Candidate, parts: Sequence[Sequence[Segment]]
-    ) -> Sequence[Model]:
-        model = candidate.model
-        if isinstance(model, PolynomialModel):
-            return fits_of_parts(parts, model, candidate.structure, self.settings.objective)
-        return [self._refitted(candidate, stretches) for stretches in parts]
 
     def _refitted(self, candidate: Candidate, stretches: Sequence[Segment]) -> Model:
         """The optimum of other stretches that a descent from a candidate's model ends at."""

@@ -115,12 +115,12 @@ def fits_of_parts(
 ) -> list[Model]:
     """The optima of parts of a record that descents from the optimum of the whole end at.
 
-    Of squared errors all at once, with the noise variance of the whole; else, or where these cannot
+    All at once, with the noise variance of the whole; regularised responses, and those that cannot
     be relied on, one after the other by :func:`fit`, whose errors it raises.
     """
     orders = replace(model.orders, structure=structure)
     ends: Sequence[Array | None] = [None] * len(parts)
-    if objective == "quadratic" and structure not in REGULARISED:
+    if structure not in REGULARISED:
         given = orders, objective, PLANT_RADIUS, NOISE_RADIUS, True
         problems = [PolynomialErrors(part, *given) for part in parts]
         ends = descents_on_parts(problems, model.parameters, *FOLD_STAGES)

@@ -24,7 +24,6 @@ def driven_states(A, initial, inputs, bounds):
                 for i in range(n):
                     after[i] = inputs[t, p, i]
                 for j in range(n):
-                    # The states of all rows at once, each by the same sums in the same order.
                     for i in range(n):
                         after[i] += columns[j, i] * now[j]
                 for i in range(n):

@@ -11,6 +11,7 @@ from evopem.estimation.pem.kernels.gradient import GRADIENTS, VALUES
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import Passes
 from evopem.estimation.search.staged_descent import (
+    LINEAR_STEPS,
     MAX_ITERATIONS,
     DescentStage,
     damped_inverses,
@@ -23,8 +24,8 @@ def descents_on_parts(
 ) -> list[Array | None]:
     """Where BFGS ends on each part, as a point filled up with zeros, from the same coefficients.
 
-    ``parts``: problems of the same orders, of squared errors.  ``coefficients``: (n,), of A, B, C,
-    D and F; B, levels and states are fitted to each part first.  None where a part begins outside
+    ``parts``: problems of the same orders and objective.  ``coefficients``: (n,), of A, B, C, D and
+    F; B, levels and states are fitted to each part first.  None where a part begins outside
     the stability region, or products of columns say too little (:func:`.nearly_dependent`).
     """
     places = [place for part in parts for place in part.places]
@@ -35,28 +36,38 @@ def descents_on_parts(
     points[:, : len(coefficients)] = coefficients
     every, linear = np.arange(len(parts)), np.ones(size, dtype=bool)
     linear[: len(coefficients)] = parts[0].linear("b")[: len(coefficients)]
+    points[:, linear] = 0.0
 
-    def stacked(at: Array, rows: Indices, barriers: Array) -> Array:
+    def stacked(at: Array, rows: Indices, smoothing: Array, barriers: Array) -> Array:
         stack = np.zeros((len(rows), size, size))
         for matrix, point, row in zip(stack, at, rows, strict=True):
-            n, given = parts[row].dimension, (none[:1], barriers[[row]])
+            n, given = parts[row].dimension, (smoothing[[row]], barriers[[row]])
             matrix[:n, :n] = parts[row].curvatures(point[None, :n], *given)[0]
         return stack
 
-    slopes = passes.passed(GRADIENTS, points, none, none)[1][:, linear]
-    matrices = stacked(points, every, none)[:, linear][:, :, linear]
-    inverses = damped_inverses(matrices)
-    lost = nearly_dependent(matrices, inverses)
-    points[:, linear] -= np.einsum("ijk,ik->ij", inverses, slopes)
-    values = passes.passed(VALUES, points, none, none)[0]
+    def sizes() -> tuple[Array, Array]:
+        values = passes.passed(VALUES, points, none, none)[0]
+        pairs = zip(parts, values, strict=True)
+        return values, np.array([part.mean_absolute_residuals(value) for part, value in pairs])
+
+    for _ in range(LINEAR_STEPS[parts[0].objective]):
+        smoothing = sizes()[1]
+        slopes = passes.passed(GRADIENTS, points, smoothing, none)[1][:, linear]
+        matrices = stacked(points, every, smoothing, none)[:, linear][:, :, linear]
+        inverses = damped_inverses(matrices)
+        lost = nearly_dependent(matrices, inverses)
+        points[:, linear] -= np.einsum("ijk,ik->ij", inverses, slopes)
+    values, smoothing = sizes()
+    smoothing, barriers = stage.smoothing * smoothing, stage.barrier * values
     lost |= ~np.isfinite(values)
-    barriers = stage.barrier * np.where(lost, 0.0, values)
-    matrices = stacked(points, every, barriers)
+    barriers[lost] = 0.0
+    matrices = stacked(points, every, smoothing, barriers)
     inverses = damped_inverses(matrices)
     lost |= nearly_dependent(matrices, inverses)
-    advance = partial(passes.advance, (none, barriers, stage.tolerance, MAX_ITERATIONS))
+    line_search = smoothing, barriers, stage.tolerance, MAX_ITERATIONS
     ended = descend_by(
-        *(advance, points, lambda at, rows: damped_inverses(stacked(at, rows, barriers))),
+        *(partial(passes.advance, line_search), points),
+        lambda at, rows: damped_inverses(stacked(at, rows, smoothing, barriers)),
         first=inverses,
     )
     return [None if left else point for left, point in zip(lost, ended.points, strict=True)]

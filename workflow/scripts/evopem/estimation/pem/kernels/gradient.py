@@ -203,8 +203,6 @@ def _pass_over_all(
         counted, owner = np.arange(len(points)), stretches.owners[k]
         if owner >= 0:
             counted = counted[rows == owner]
-        if counted.size == 0:
-            continue
         stretch, of_stretch = stretch_of(record, objective, stretches, k)
         of_rows = (
             points[counted][:, at],
