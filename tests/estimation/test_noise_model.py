@@ -89,6 +89,17 @@ def test_no_noise_model_where_residuals_are_white(record):
     assert noise_models(truth, Recording(u, y, 1.0), SETTINGS)[0] is None
 
 
+def test_far_smaller_noise_models_than_the_likeliest_are_not_fitted(plant, record):
+    """Of noise with three resonances none of one or two states is."""
+    white = np.random.default_rng(2).standard_normal((2, N))
+    poles = 0.95 * np.exp(1j * np.array([0.3, 1.2, 2.3]))
+    noise = 0.3 * lfilter([1.0], np.poly([*poles, *poles.conj()]).real, white)
+    recording = Recording(record[0], plant.simulate(record[0]) + noise.T, 10.0)
+    first, *others = noise_models(plant, recording, SETTINGS, covariances=False)
+    assert first.order >= 6
+    assert all(model is None or model.order >= first.order - 3 for model in others)
+
+
 @pytest.mark.parametrize("searched", [False, True])
 def test_a_plant_beside_its_noise_model_is_a_structure(record, searched):
     """Its orders are those of the plant, and its errors are smaller than those of the plant."""

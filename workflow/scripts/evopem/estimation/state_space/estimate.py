@@ -47,8 +47,9 @@ from evopem.models.orders import Orders
 from evopem.models.state_space import StateSpaceModel, StateSpaceStructure
 from evopem.signals.recording import Recording, Segment
 
-# A search ends after so many orders of higher BIC; estimates of an order that are descended from.
-RISES, WIDTH = 2, 3
+# A search ends after so many orders of higher BIC; estimates of an order that are descended from;
+# states of a noise model below those of the likeliest estimate by linear algebra.
+RISES, WIDTH, BELOW = 2, 3, 3
 # Largest order, and output values for each parameter.
 MOST_STATES, VALUES_PER_PARAMETER = 10, 5
 # Values of all channels from which on orders are tried in steps of two.
@@ -209,9 +210,8 @@ def noise_orders(recording: Recording) -> tuple[int, ...]:
     """The orders that are tried for the noise model of a recording."""
     samples, of_order = recording.samples, 1 + len(recording.segment_starts)
     affordable = min(MOST_STATES, samples // 12, samples // VALUES_PER_PARAMETER // of_order)
-    if recording.inputs.size + recording.outputs.size > LONG:
-        return tuple(range(2, max(affordable, 2) + 1, 2))
-    return tuple(range(1, max(affordable, 1) + 1))
+    step = 2 if recording.inputs.size + recording.outputs.size > LONG else 1
+    return tuple(range(step, max(affordable, step) + 1, step))
 
 
 def noise_models(
@@ -231,7 +231,7 @@ def noise_models(
     models: list[StateSpaceModel | None] = [None]
     criteria, rises = [log_loss(joined, settings.objective)], 0
     task = StateSpaceTask(settings=settings, covariances=covariances)
-    for estimate in plain_estimates(alone, noise_orders(recording), task, WIDTH):
+    for estimate in plain_estimates(alone, noise_orders(recording), task, WIDTH, below=BELOW):
         rises = 0 if estimate.bic < min(criteria) else rises + 1
         models.append(estimate.model)
         criteria.append(estimate.bic)

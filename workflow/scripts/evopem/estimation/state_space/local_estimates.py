@@ -35,6 +35,7 @@ from evopem.estimation.state_space.problem import (
 from evopem.estimation.state_space.search import (
     FINAL_WIDTH,
     NO_MODELS,
+    likeliest_order,
     problem_for,
     result_of,
     rough_tolerance,
@@ -187,14 +188,19 @@ def plain_estimates(
     steps: int = STEPS,
     starts: Mapping[int, StateSpaceModel] = NO_MODELS,
     log: Log | None = None,
+    below: int | None = None,
 ) -> Iterator[StateSpaceEstimate]:
     """Estimates of several orders with K or without; see :func:`.estimates_of_orders`.
 
-    They end where two orders in a row are lost in rounding: larger ones are as well.
+    With ``below`` they begin so many states below the likeliest estimate by linear algebra.  They
+    end where two orders in a row are lost in rounding: larger ones are as well.
     """
     with one_blas_thread():
         orders = sorted(orders)
         errors, lost = task.errors(recording, orders[-1]), 0
+        if below is not None:
+            least = likeliest_order(errors, orders) - below
+            orders = [order for order in orders if order >= least]
         for problem, result in swept(errors, orders, task.settings, width, log, steps, starts):
             try:
                 estimate = described(problem, result, task.covariances)
