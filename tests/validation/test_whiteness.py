@@ -52,6 +52,14 @@ def test_a_least_absolute_fit_takes_less():
     assert taken / (30.0 - expected(6)) == pytest.approx(2 - np.pi / 2, abs=0.05)
 
 
+def test_a_fit_takes_nothing_where_no_residual_is_near_zero():
+    """Their density there is 0, of residuals of two sizes alone."""
+    e = np.sign(lfilter([1.0], [1.0, -0.8], np.random.default_rng(8).standard_normal(500)))
+    test = whiteness_test(e, 10, effects=np.full((1, 10), 1e150), objective="absolute")
+    assert test.expected == 10.0
+    assert test.p_value < 1e-6
+
+
 def test_what_cannot_be_tested_is_not_judged():
     assert np.isnan(whiteness_test(np.zeros(50), 10).p_value)
     assert np.isnan(whiteness_test(np.arange(50.0), 50).p_value)

@@ -151,6 +151,7 @@ def whiteness_test(
         share = 1.0
         if objective == "absolute":
             share = 4.0 * density_at_zero(e, len(effects)) * float(np.mean(np.abs(e))) - 1.0
+            share = max(share, 0.0)  # a fit takes from correlations
         covariance = np.eye(lags) - share * effects.T @ effects / np.sqrt(np.outer(spread, spread))
         if not np.isfinite(covariance).all():
             return replace(unknown, statistic=float(statistic))
