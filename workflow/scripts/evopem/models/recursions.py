@@ -16,8 +16,10 @@ def driven_states(A, initial, inputs, bounds):
     count, n = inputs.shape[1:]
     for segment in range(len(bounds) - 1):
         first, stop = bounds[segment], bounds[segment + 1]
-        if stop > first:
-            states[first] = initial[segment]
+        # An array at once would have messages on its shape compiled: a fifth of all kernels.
+        for p in range(count if stop > first else 0):
+            for i in range(n):
+                states[first, p, i] = initial[segment, p, i]
         for t in range(first, stop - 1):
             for p in range(count):
                 now, after = states[t, p], states[t + 1, p]

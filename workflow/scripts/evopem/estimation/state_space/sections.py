@@ -85,7 +85,8 @@ def section_states(sigma, coupling, back, initial, inputs, bounds):
     n = inputs.shape[1]
     for segment in range(len(bounds) - 1):
         first, stop = bounds[segment], bounds[segment + 1]
-        states[first] = initial[segment]
+        for i in range(n):
+            states[first, i] = initial[segment, i]
         for t in range(first, stop - 1):
             now, after, z = states[t], states[t + 1], inputs[t]
             for c in range(len(sigma)):
