@@ -1,6 +1,6 @@
 """How often is a certified search wrong?  Writes its section of docs/evidence/search.md.
 
-    python benchmarks/search_certificate.py FILE [--problems 84]
+    python benchmarks/search_certificate.py FILE [--first 1680] [--problems 560]
 
 Each problem is a random model of one of several structures, a record of it, and orders that are
 those of the model or twice as large.  Searches by the default settings, with several seeds, are
@@ -245,12 +245,14 @@ def read(file: Path | None) -> list[Row]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("file", type=Path)
-    parser.add_argument("--problems", type=int, default=84)
+    # Rules were made on the problems before.
+    parser.add_argument("--first", type=int, default=1680)
+    parser.add_argument("--problems", type=int, default=560)
     arguments = parser.parse_args()
     rows = read(arguments.file)
     done = {row["index"] for row in rows}
     with threadpool_limits(limits=1):
-        for index in range(arguments.problems):
+        for index in range(arguments.first, arguments.first + arguments.problems):
             if index not in done:
                 rows.append(run(case_of(index)))
                 with arguments.file.open("a") as sink:

@@ -15,12 +15,14 @@ from evopem.estimation.search.certificate import (
     POLYNOMIALS,
     STATE_SPACE,
     enough_agree,
+    has_agreed,
     is_certified,
 )
 from evopem.estimation.search.global_search import BATCH, BATCHES, basin_hopping, global_search
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import descended, pooled, same_optimum
+from evopem.estimation.search.root_sections import are_determined
 from evopem.models.orders import armax_orders, orders_of
 from evopem.signals.recording import Recording
 from evopem.synthesis import armax
@@ -36,8 +38,8 @@ def problem(orders, samples=600, objective="quadratic"):
     )
 
 
-def problem_of(structure, orders):
-    record = armax(seed=2, samples=500)[0]
+def problem_of(structure, orders, record=None):
+    record = record or armax(seed=2, samples=500)[0]
     settings = SearchSettings(objective="quadratic")
     of_structure = orders_of(structure, orders)
     window = ScoringWindow(of_structure.first_residual, of_structure.first_residual)
@@ -76,6 +78,21 @@ def test_a_spent_search_is_certified_where_its_few_restarts_agree_and_the_edge_i
     # Agreement that no replacement and no descent from the edge has contested is none.
     assert not is_certified(replace(diagnostics, withstood=False))
     assert is_certified(pooled(descended(searched, found.point), found).diagnostics)
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_few_restarts_that_agree_on_roots_that_the_record_leaves_open_are_no_certificate(seed):
+    """All random points lead to one optimum, or the evaluations are spent."""
+    innovations = np.random.default_rng(seed).standard_normal(600)
+    output = lfilter([1.0, 0.5], [1.0, -1.5, 0.7], innovations)
+    record = Recording(np.empty((600, 0)), output, 1.0)
+    for orders, determined in (((2, 1), True), ((4, 2), False)):
+        searched = problem_of("arma", orders, record)
+        found = global_search(searched, SearchSettings(), np.random.default_rng(seed))
+        assert are_determined(searched.errors, found.point) == determined
+        assert is_certified(found.diagnostics) == determined
+        assert has_agreed(found.diagnostics)
+        assert has_agreed(pooled(descended(searched, found.point), found).diagnostics)
 
 
 @pytest.mark.parametrize("orders", [(4, 4, 4, 3), (8, 8, 8, 3)])

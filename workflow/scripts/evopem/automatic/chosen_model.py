@@ -26,7 +26,7 @@ from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe, searched_objective
 from evopem.estimation.prediction_errors import checked_errors
 from evopem.estimation.prediction_estimate import optimum_next_to
-from evopem.estimation.search.certificate import is_certified
+from evopem.estimation.search.certificate import has_agreed
 from evopem.estimation.search.problem import Log, SearchResult, pooled
 from evopem.estimation.state_space.estimate import estimate_state_space, with_noise_model
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, descend_from
@@ -205,7 +205,7 @@ def _searched(
         both = pooled(result.search, known.search)
         return replace(known, search=both) if known.search.value < result.search.value else result
     result = estimate(settings=search, earlier=known.search)
-    if not is_certified(result.search.diagnostics):
+    if not has_agreed(result.search.diagnostics):
         longer = replace(search, evaluations=REPEAT_FACTOR * search.evaluations)
         result = estimate(settings=longer, earlier=result.search)
     return result

@@ -12,7 +12,7 @@ from evopem.arrays import Array
 from evopem.config.settings import SearchSettings
 from evopem.estimation.criteria import Criteria
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
-from evopem.estimation.search.certificate import Target, gain_after_first_pass, is_certified
+from evopem.estimation.search.certificate import Target, gain_after_first_pass, has_agreed
 from evopem.estimation.search.global_search import FIRST_PASS
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.models.orders import Orders
@@ -184,7 +184,7 @@ def race(
 
 def _finished(candidate: Candidate, settings: SearchSettings) -> bool:
     diagnostics = candidate.diagnostics
-    return is_certified(diagnostics) or diagnostics.evaluations >= settings.evaluations
+    return has_agreed(diagnostics) or diagnostics.evaluations >= settings.evaluations
 
 
 def _likely_gain(candidate: Candidate, samples: int) -> float:

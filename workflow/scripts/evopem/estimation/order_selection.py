@@ -25,7 +25,7 @@ from evopem.estimation.order_candidate import (
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
 from evopem.estimation.prediction_errors import prediction_errors
 from evopem.estimation.prediction_estimate import optimum_next_to
-from evopem.estimation.search.certificate import Target, is_certified
+from evopem.estimation.search.certificate import Target, has_agreed
 from evopem.estimation.search.problem import Log, pooled, same_optimum
 from evopem.files.job import end_with_parent
 from evopem.models.orders import Orders
@@ -247,7 +247,7 @@ def _no_worse_than_nested(
 def _is_doubtful(candidate: Candidate, last: bool) -> bool:
     """Whether a selection that rests on a candidate has its search repeated."""
     diagnostics = candidate.diagnostics
-    return not is_certified(diagnostics) if last else diagnostics.n_confirming == 0
+    return not has_agreed(diagnostics) if last else diagnostics.n_confirming == 0
 
 
 def estimate_in_parallel(

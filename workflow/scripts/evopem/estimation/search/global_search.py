@@ -35,6 +35,7 @@ from evopem.estimation.search.problem import (
     same_optimum,
     undiscovered,
 )
+from evopem.estimation.search.root_sections import are_determined
 from evopem.estimation.search.section_replacement import SectionReplacement
 
 # Independent batches of random points, and the points of each.
@@ -243,6 +244,8 @@ def global_search(
         if enough or (ended and search.agree(best, spent=True)):
             if same_optimum(refuted_from, search.value):
                 search.withstood = True
+                if isinstance(problem, PolynomialProblem) and search.point is not None:
+                    search.determined = are_determined(problem.errors, search.point)
                 break
             refuted_from = search.value
             search.refute(np.inf if enough else REFUTING * settings.evaluations)

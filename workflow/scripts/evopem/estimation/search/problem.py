@@ -72,7 +72,8 @@ class SearchDiagnostics:
     that ended at the lowest.  ``n_local_optima``: distinct values of descents that converged.
     ``n_multistart``: random points descended from.  ``undiscovered_probability``: that another one
     leads to a new optimum; 1 without any.  ``withstood``: whether replacements in the lowest and
-    descents from the edge, which follow an agreement, have found nothing lower.
+    descents from the edge, which follow an agreement, have found nothing lower.  ``determined``:
+    whether the record determines the roots of an optimum that restarts agree on.
     """
 
     evaluations: int
@@ -84,6 +85,7 @@ class SearchDiagnostics:
     undiscovered_probability: float
     convergence: tuple[tuple[int, float], ...]
     withstood: bool = False
+    determined: bool = True
 
     @classmethod
     def none(cls) -> SearchDiagnostics:
@@ -134,7 +136,7 @@ class SearchProgress:
         self.spent = self.generations = 0
         # Random points descended from, and the probability that another one leads elsewhere.
         self.random_points, self.undiscovered = 0, 1.0
-        self.withstood = False
+        self.withstood, self.determined = False, True
 
     def reach(self, point: Array, value: float) -> None:
         """Keep a point where it is lower, and note how low the search is by now."""
@@ -159,6 +161,7 @@ class SearchProgress:
             undiscovered_probability=self.undiscovered,
             convergence=tuple(self.convergence),
             withstood=self.withstood,
+            determined=self.determined,
         )
         return SearchResult(self.point, self.value, diagnostics, tuple(self.ends))
 
@@ -195,6 +198,7 @@ def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
             result.diagnostics.withstood and same_optimum(result.value, best.value)
             for result in (first, second)
         ),
+        determined=best.diagnostics.determined,
     )
     return replace(best, diagnostics=diagnostics, ends=first.ends + second.ends)
 

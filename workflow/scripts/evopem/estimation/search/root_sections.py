@@ -7,13 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from evopem.arrays import Array, Complex, Integers
+from evopem.estimation.pem.covariance import loss_deviation, pseudo_inverse_factor
 from evopem.estimation.pem.derived_errors import CoordinateErrors, Mapped
 from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.pem.kernels.polynomials import products_of_sections
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.staged_descent import POLISH_STAGES, staged_descent
-from evopem.models.polynomial_roots import roots
+from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial_roots import roots, uncertain_roots
+from evopem.signals.least_squares import triangle_of
 
 # Distances of random roots from the unit circle: as far as a pole that decays in a sample, and as
 # near as one that rings for hundreds.
@@ -23,6 +26,9 @@ PLACES = 12
 # Distances of a section's roots from the unit circle: as far as a pole that rings for two samples,
 # and as near as one that rings for hundreds.
 SECTION_FARTHEST, SECTION_NEAREST = 0.4, 0.003
+# Largest standard error of a root that the record determines: the roots that orders have beyond
+# those of the system are hardly determined, and then there may be a lower optimum far away.
+DETERMINED = 0.16
 
 
 class RootSections(NamedTuple):
@@ -246,3 +252,18 @@ def descend_in_sections(errors: PolynomialErrors, points: Array, largest_value: 
         ends[outside[lower]], values[outside[lower]] = tried[lower], reached[lower]
         outside = outside[~np.isfinite(reached)]
     return replace(descents, points=ends, values=values, evaluations=evaluations)
+
+
+def are_determined(errors: PolynomialErrors, point: Array) -> bool:
+    """Whether the record determines every root of A, C, D and F at an optimum, (n,)."""
+    triangle = triangle_of(errors.jacobian_blocks(point))
+    inverse, null_space = pseudo_inverse_factor(triangle)
+    deviation = loss_deviation(errors.residuals(point), errors.dimension, errors.objective)
+    covariance = ParameterCovariance(deviation * inverse, null_space)
+    return all(
+        np.trace(spread) <= DETERMINED**2
+        for _, part in errors.polynomials()
+        for _, spread in uncertain_roots(
+            np.concatenate([[1.0], point[part]]), covariance.part(part)
+        )
+    )

@@ -6,7 +6,13 @@ from collections.abc import Mapping
 
 from evopem.config.structures import REGULARISED, varied_order
 from evopem.estimation.order_candidate import PhaseSelection
-from evopem.estimation.search.certificate import MANY_OPTIMA, POLYNOMIALS, STATE_SPACE, is_certified
+from evopem.estimation.search.certificate import (
+    MANY_OPTIMA,
+    POLYNOMIALS,
+    STATE_SPACE,
+    has_agreed,
+    is_certified,
+)
 from evopem.validation.checks.check import Evidence, Found, OrderRange, check
 
 # The configuration key of the range of each phase, and the smallest value of what it varies.
@@ -109,6 +115,8 @@ def repeatability(evidence: Evidence) -> Found | None:
         )
     repeated = confirming == others >= REPEATED
     few = "" if repeated else ", too few for a certificate"
+    if has_agreed(diagnostics, measured is POLYNOMIALS):
+        few = ", few where the record leaves roots open"
     return (
         repeated,
         f"{'Repeatable, but not' if repeated else 'Not'} certified: {confirming or 'none'} of"
