@@ -49,9 +49,7 @@ def _scores(
     **options: Any,
 ) -> Panel:
     """A score over an order, given by its column and label: a line for each series of rows.
-
-    ``line``: the column that is joined by lines, where it is another than that of the score.
-    """
+    ``line``: the column that is joined by lines, where it is another than that of the score."""
     where = next(iter(series.values())) if len(series) == 1 else ()
     marked = (*where, ("selected", "True"))
     selected = Curve("selected", column, "error", "points", where=marked, marker="o")

@@ -204,11 +204,9 @@ def _write(file: Path, made: Mapping[str, str], read: Mapping[str, str]) -> None
 
 
 def _remove_lines(file: Path, folder: Path, paths: Collection[str]) -> None:
-    """Remove the lines about given files, and any other line that is not right.
-
-    Two jobs may do this to one file at the same time. Neither writes back a line that the other one
-    removes: the outputs of a job do not exist until it has made them, and then differ.
-    """
+    """Remove the lines about given files, and any other line that is not right. Two jobs may do
+    this to one file at the same time. Neither writes back a line that the other one removes: the
+    outputs of a job do not exist until it has made them, and then differ."""
     made, read = _read(file)
     if not made.keys().isdisjoint(paths):
         kept = {

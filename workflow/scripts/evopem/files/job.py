@@ -135,10 +135,8 @@ def _log_handler(log_file: Path) -> logging.FileHandler:
 
 @contextmanager
 def _attached(handler: logging.Handler) -> Iterator[logging.Logger]:
-    """Send the messages of the package, and all warnings, to a handler.
-
-    Within the job of a batch, those of a recording go to its own log and not to the batch's.
-    """
+    """Send the messages of the package, and all warnings, to a handler. Within the job of a batch,
+    those of a recording go to its own log and not to the batch's."""
     # A message that cannot be logged must not put a traceback on standard error.
     logging.raiseExceptions = False
     logger = logging.getLogger("evopem")

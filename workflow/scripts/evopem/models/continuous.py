@@ -361,9 +361,7 @@ def _check_continuous(dynamics: Array, inputs: int) -> None:
 
 def _in_continuous_time(parts: list[Array], step: float, hold: Hold) -> list[Array]:
     """A, B, C, D in s by the principal logarithm: the inverse of ``exp(Ah)``, ``h phi1(Ah) B``.
-
-    With a first-order hold, of ``h phi1(Ah)^2 B`` and ``D + h C phi2(Ah) B``.
-    """
+    With a first-order hold, of ``h phi1(Ah)^2 B`` and ``D + h C phi2(Ah) B``."""
     logarithm, (B, C, D) = np.real(scipy.linalg.logm(parts[0])), parts[1:]
     _, first, second = phi_functions(logarithm)
     if hold == "zero-order":

@@ -107,10 +107,8 @@ def merge_setups(setups: Sequence[Setup]) -> MergedModes:
 
 def _enlargement(squares: Array, variances: Array, both: bool) -> float:
     """How many times as large the variances of a set-up have to be for it to agree with the others.
-
-    The sum of ``squares`` of differences over their variances is then their number (Birge 1932).
-    Of ``variances`` 1 is the set-up's, the rest the others'; with ``both`` these grow as well.
-    """
+    The sum of ``squares`` of differences over their variances is then their number (Birge 1932). Of
+    ``variances`` 1 is the set-up's, the rest the others'; with ``both`` these grow as well."""
     from scipy.optimize import brentq
 
     def excess(ratio: float) -> float:

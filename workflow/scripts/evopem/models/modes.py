@@ -341,11 +341,9 @@ def _equal_poles_p(difference: complex, deviation: Complex) -> float:
 
 
 def _assurance_in(space: Complex, shape: Complex, deviations: Complex) -> float:
-    """Assurance expected of an estimated shape, (l,), and the part of it in the true space.
-
-    To first order: 1 less the variance of the part across the estimated space, (l, 1 or 2).  The
-    plane of two shapes does not depend on how the two are mixed, however close their poles are.
-    """
+    """Assurance expected of an estimated shape, (l,), and the part of it in the true space. To
+    first order: 1 less the variance of the part across the estimated space, (l, 1 or 2).  The plane
+    of two shapes does not depend on how the two are mixed, however close their poles are."""
     size = float(np.vdot(shape, shape).real)
     if size == 0.0:
         return float("nan")

@@ -129,10 +129,8 @@ def _decided_parts(
 
 
 def _decide_transforms(divided: PreparedData, given: GivenPreparation) -> TransformPlan:
-    """The transforms of the estimation samples, judged in recorded units.
-
-    A trend of one recording says nothing of others.
-    """
+    """The transforms of the estimation samples, judged in recorded units. A trend of one recording
+    says nothing of others."""
     origins = divided.transforms.estimation
     recording = divided.estimation.with_segments(
         [

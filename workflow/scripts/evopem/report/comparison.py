@@ -50,10 +50,8 @@ ModeRow = tuple[tuple[Mode | None, ...], list[tuple[str, str]], str]
 
 
 def _mode_rows(comparison: Comparison) -> list[ModeRow]:
-    """Each matched mode, its frequency and damping in each model, and the spread.
-
-    In brackets where a mode is not to be trusted; the spread of one model is a dash.
-    """
+    """Each matched mode, its frequency and damping in each model, and the spread. In brackets where
+    a mode is not to be trusted; the spread of one model is a dash."""
     rows = []
     for modes in comparison.matched:
         texts = [mode_cells(mode) if mode else (MISSING, MISSING) for mode in modes]

@@ -72,10 +72,8 @@ def build_index(
 
 
 def _places(entries: Mapping[str, Entry]) -> dict[str, tuple[str, str]]:
-    """The address of each data set, and its group: the folder of its recording.
-
-    Where the recordings lie in one folder, names that begin alike are a group.
-    """
+    """The address of each data set, and its group: the folder of its recording. Where the
+    recordings lie in one folder, names that begin alike are a group."""
     files = {name: getattr(entry, "file", None) or "" for name, entry in entries.items()}
     folders = {name: Path(file).parent.name for name, file in files.items() if file}
     named = len(set(folders.values())) < 2

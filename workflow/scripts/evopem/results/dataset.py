@@ -274,9 +274,7 @@ def _searched_range(
     chosen: ScoredCandidate, searches: Iterable[StructureSearch]
 ) -> tuple[OrderRange, ...]:
     """The range of the orders of a structure that were searched; none where it came of a revision.
-
-    A range that nobody gives begins with 1 or 2, of many states of outputs alone further up.
-    """
+    A range that nobody gives begins with 1 or 2, of many states of outputs alone further up."""
     tried = [order for s in searches if s.structure == chosen.structure for order in s.orders]
     if not tried:
         return ()

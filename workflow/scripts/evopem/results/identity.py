@@ -139,10 +139,8 @@ def _origin(path: str, info: str) -> Mapping[str, Any]:
 
 
 def _make_older(path: str, outputs: list[str]) -> None:
-    """Give outputs a time before that of a file, which may itself be the oldest there is.
-
-    Never time 0, which Snakemake takes for no time at all.
-    """
+    """Give outputs a time before that of a file, which may itself be the oldest there is. Never
+    time 0, which Snakemake takes for no time at all."""
     second = 10**9
     modified = Path(path).stat().st_mtime_ns
     time = second if modified > second else modified - 2 * second

@@ -186,9 +186,7 @@ def regressors(conditions: Array, rows: Flags, values: Array, errors: Array) -> 
 
 def _criteria(values: Array, errors: Array, designs: Sequence[Array]) -> Array:
     """Bayesian information criterion of designs, all with the weights that the largest one has.
-
-    With its penalty twice: modes share scatter, and their evidence is counted as independent.
-    """
+    With its penalty twice: modes share scatter, and their evidence is counted as independent."""
     scatter = fits(values, errors, designs[-1][None], 1)[3][0]
     roots, count = 1.0 / np.sqrt(errors**2 + scatter), len(values)
     criteria = []

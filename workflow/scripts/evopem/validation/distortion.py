@@ -143,10 +143,8 @@ def _transient_periods(outputs: Array) -> int:
 
 
 def _drift(outputs: Array, period: int) -> Array:
-    """Straight lines through the means of the periods, (N, l).
-
-    A drift would leave a part in every period that looks the same, or is alike at all lines.
-    """
+    """Straight lines through the means of the periods, (N, l). A drift would leave a part in every
+    period that looks the same, or is alike at all lines."""
     means = outputs.reshape(-1, period, outputs.shape[1]).mean(axis=1)
     ends = 2.0 * means[[0, -1]] - means[[1, -2]]
     places = period * (np.arange(-1, len(means) + 1) + 0.5) - 0.5

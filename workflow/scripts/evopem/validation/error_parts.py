@@ -119,10 +119,8 @@ class Lines:
 
 
 def _levels(excited: Flags, left_out: Flags) -> csr_array | None:
-    """Interpolation from lines left out to excited lines of the same parity.
-
-    None where excited lines of a parity are a regular grid or have too few lines between them.
-    """
+    """Interpolation from lines left out to excited lines of the same parity. None where excited
+    lines of a parity are a regular grid or have too few lines between them."""
     count = len(excited)
     weights, at = csr_array((count, count)), np.flatnonzero(excited)
     inside = np.zeros(count, dtype=bool)
@@ -207,10 +205,8 @@ def parts_of(
 
 
 def _squares(level: Array, off: Flags) -> Array:
-    """Variances of what is at lines left out about its level between its neighbours, (F,).
-
-    Squared levels, and where they change more from line to line, squared differences.
-    """
+    """Variances of what is at lines left out about its level between its neighbours, (F,). Squared
+    levels, and where they change more from line to line, squared differences."""
     squares = np.zeros(len(level))
     for parity in (0, 1):
         lines = off & (np.arange(len(level)) % 2 == parity)
@@ -224,12 +220,10 @@ def _squares(level: Array, off: Flags) -> Array:
 
 
 def _allowed(u: Complex, power: Array, driven: Array, wrong: Complex, lines: Lines) -> Array:
-    """Power that a linear response may leave at lines with little input, (F,).
-
-    It is as wrong there as on the whole, and as at the nearest excited lines; beyond these it may
-    be twice that of the model.  Inputs (M, F, m), powers of error and response (F,), and what the
-    model misses at excited lines, (E, m).
-    """
+    """Power that a linear response may leave at lines with little input, (F,). It is as wrong there
+    as on the whole, and as at the nearest excited lines; beyond these it may be twice that of the
+    model.  Inputs (M, F, m), powers of error and response (F,), and what the model misses at
+    excited lines, (E, m)."""
     on, w, numbers = lines.excited, lines.weights, np.arange(len(power))
     whole = float(w[on] @ power[on]) / max(float(w[on] @ driven[on]), ROUNDING)
     inputs = np.mean(np.abs(u) ** 2, axis=0).T

@@ -79,11 +79,9 @@ def _doubts(mode: Mode, fit: ResponseFit) -> Iterator[str]:
 
 
 def _by_chance(mode: Mode, fit: ResponseFit) -> float:
-    """Probability that a resonance fitted to errors alone, at the best line, explains as much.
-
-    As what the mode adds to all others, whose residues are fitted again without it: poles that were
-    would take its place.  Errors have the size and the correlation of lines that are left.
-    """
+    """Probability that a resonance fitted to errors alone, at the best line, explains as much. As
+    what the mode adds to all others, whose residues are fitted again without it: poles that were
+    would take its place.  Errors have the size and the correlation of lines that are left."""
     size, responses = float(np.sum(np.abs(fit.errors) ** 2)), fit.responses
     away = np.abs([section.pole - mode.pole for section in natural(fit)])
     oscillating = np.flatnonzero(fit.point[fit.sections :] < 0.0)

@@ -87,10 +87,8 @@ def joint_contribution_test(records: Sequence[HeldOutContribution]) -> HeldOutTe
 
 def _weighed_sums(record: HeldOutContribution) -> tuple[float, float, float, float] | None:
     """Sums over the outputs of a record, each over the variance of its noise; None without a test.
-
     Of squared contributions, infinite without noise; of the products of contributions and errors;
-    the variance of these; and the degrees of freedom.
-    """
+    the variance of these; and the degrees of freedom."""
     e, x = record.errors_without, record.contributions
     regressions = [
         regression
@@ -120,11 +118,9 @@ def _weighed_sums(record: HeldOutContribution) -> tuple[float, float, float, flo
 def _whitened_regression(
     e: Array, x: Array, nuisance: Array
 ) -> tuple[Array, Array, Array, int] | None:
-    """A regression of whitened signals; None where no test is possible.
-
-    Signal and contribution without what other regressors explain, what the contribution leaves of
-    the signal, and its degrees of freedom.
-    """
+    """A regression of whitened signals; None where no test is possible. Signal and contribution
+    without what other regressors explain, what the contribution leaves of the signal, and its
+    degrees of freedom."""
     others = np.hstack([np.ones((e.size, 1)), nuisance])
     if e.size < FEWEST_SAMPLES or not all(np.isfinite(signals).all() for signals in (e, x, others)):
         return None

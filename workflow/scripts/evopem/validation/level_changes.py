@@ -107,9 +107,7 @@ def _most_significant(
     values: Array, errors: Array, design: Array, regressors: Array
 ) -> tuple[float, int]:
     """Which of some regressors, (k, n), explains most beside a design, (p, n); its p-value first.
-
-    By the scatter that the design leaves, then by the one that the regressor found so leaves.
-    """
+    By the scatter that the design leaves, then by the one that the regressor found so leaves."""
     scatter = fits(values, errors, design.T[None], 1)[3]
     for _ in range(2):
         roots = 1.0 / np.sqrt(errors**2 + scatter)

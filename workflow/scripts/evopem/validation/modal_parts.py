@@ -270,11 +270,9 @@ def _input_test(records: Sequence[ModalParts], index: int, pole: complex) -> Hel
 def _noise_test(
     records: Sequence[ModalParts], index: int, pole: complex, zeros: Complex
 ) -> HeldOutTest:
-    """Test that the noise needs a mode.
-
-    Of one output its pole is removed with the zeros nearest to it.  Among the partial fractions of
-    one filter neighbours make up for each other, so that superfluous ones would seem needed.
-    """
+    """Test that the noise needs a mode. Of one output its pole is removed with the zeros nearest to
+    it.  Among the partial fractions of one filter neighbours make up for each other, so that
+    superfluous ones would seem needed."""
     if records[0].outputs.shape[1] == 1:
         return improvement_test([record.without(pole, zeros) for record in records])
     return joint_contribution_test([record.of_noise(index) for record in records])

@@ -346,13 +346,11 @@ def _moment(stretches: Sequence[_Stretch], gradual: float) -> float:
 
 def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
     """Test of correlations of residuals with later inputs, each whitened (Haugh 1976), by scores.
-
     Squares and cubes of the input's past count as known: residuals of a nonlinear system depend on
-    them, and so may later samples of an input that is not normal.
-    Where the plant has a delay, those of the same sample, which most controllers act on, count too.
-    Later samples of a periodic input are earlier ones too, which what the model misses depends on:
-    it is not tested, and its periods are alike as those of an input with noise would not be.
-    """
+    them, and so may later samples of an input that is not normal. Where the plant has a delay,
+    those of the same sample, which most controllers act on, count too. Later samples of a periodic
+    input are earlier ones too, which what the model misses depends on: it is not tested, and its
+    periods are alike as those of an input with noise would not be."""
     first, tests, periodic = stretches[0], [], []
     pairs = list(np.ndindex(first.residuals.shape[1], first.inputs.shape[1]))
     for output, place in pairs:

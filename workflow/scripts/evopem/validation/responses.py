@@ -149,11 +149,9 @@ def _stretches(
 
 @dataclass(frozen=True, eq=False)
 class Responses:
-    """Validation samples of all stretches with the computed responses, (N, l) each.
-
-    ``simulated`` runs on from what came before, ``fitted`` from the state that fits these samples;
-    NaN without an input.  ``scored``, (N,): the samples that determine no state, and count.
-    """
+    """Validation samples of all stretches with the computed responses, (N, l) each. ``simulated``
+    runs on from what came before, ``fitted`` from the state that fits these samples; NaN without an
+    input.  ``scored``, (N,): the samples that determine no state, and count."""
 
     outputs: Array
     predicted: Array

@@ -38,10 +38,8 @@ def outlier_percent(residuals: ArrayLike) -> float:
 
 
 def _norm(values: Array) -> float:
-    """Euclidean norm, also of numbers whose squares leave the range of floats.
-
-    An unstable response that is transformed back to recorded units may reach these.
-    """
+    """Euclidean norm, also of numbers whose squares leave the range of floats. An unstable response
+    that is transformed back to recorded units may reach these."""
     _, exponent = np.frexp(np.max(np.abs(values), initial=0.0))
     scaled = np.linalg.norm(np.ldexp(values, -exponent))  # a power of two keeps every bit
     return float(np.ldexp(scaled, exponent))

@@ -265,10 +265,8 @@ def _outputs(
 
 def _share_left(held_out: Sequence[HeldOut]) -> float:
     """Smallest share of errors by the model's own noise that fitted states of the plant leave.
-
     Noise that passes through slow poles of the plant moves their states before and during a record.
-    Errors of the outputs count as those of a simulation, relative to each output's deviation.
-    """
+    Errors of the outputs count as those of a simulation, relative to each output's deviation."""
     generator = np.random.default_rng(0)
     spread = np.std(np.concatenate([stretch.recording.outputs for stretch in held_out]), axis=0)
     left, total = np.zeros((2, len(spread), DRAWN))

@@ -295,11 +295,9 @@ def _stated(peak: PeakEvidence) -> str:
 
 
 def _accounts_for(mode: Mode, frequency: float, resolution: float) -> bool:
-    """Whether a peak lies within the resolution, or the mode's half-power width or uncertainty.
-
-    A mode with a damping ratio above 1/√2 has no resonance peak. A tenth of the mode's frequency
-    is the limit, so that a broad or uncertain mode does not account for every peak.
-    """
+    """Whether a peak lies within the resolution, or the mode's half-power width or uncertainty. A
+    mode with a damping ratio above 1/√2 has no resonance peak. A tenth of the mode's frequency is
+    the limit, so that a broad or uncertain mode does not account for every peak."""
     centre, damping = mode.frequency_hz, abs(mode.damping_ratio)
     if damping > math.sqrt(0.5):
         return False
