@@ -8,7 +8,7 @@ from records import noisy, output_error_record
 from scipy.signal import chirp, lfilter
 
 from evopem.automatic.preparation.decimation import decide_decimation
-from evopem.automatic.preparation.disturbance import decide_differences
+from evopem.automatic.preparation.disturbance import decide_differences, decide_objective
 from evopem.automatic.preparation.plan import decide_preparation, prepare
 from evopem.config.settings import GivenPreparation
 from evopem.errors import InputError
@@ -121,6 +121,15 @@ def test_a_long_delay_alone_is_no_reason_for_a_lower_rate():
     assert scores["2"] < 0.9 * scores["1"]
     assert (factor, decision.choice) == (1, "1")
     assert "the rate is kept" in decision.sentence
+
+
+def test_a_response_to_steps_behind_a_long_delay_has_no_outliers():
+    generator = np.random.default_rng(3)
+    u = np.repeat(generator.standard_normal(16), 50)
+    y = noisy(lfilter([0.0] * 30 + [1.0, 0.5], [1.0, -0.5], u), generator.standard_normal(800), 3.0)
+    assert decide_objective([Segment(u, y)])[0] == "quadratic"
+    y[generator.integers(0, 800, 20)] += y.std() * generator.standard_normal(20)
+    assert decide_objective([Segment(u, y)])[0] == "absolute"
 
 
 def test_an_output_that_drifts_is_not_taken_for_oversampled():

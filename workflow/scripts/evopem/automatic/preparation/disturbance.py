@@ -47,13 +47,18 @@ def decide_differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
     `stretches`: Centred, with an input.
     """
     times, about = _differences(stretches)
-    if times:
-        limits = [(0, longest_delay(stretches))] * stretches[0].inputs.shape[1]
-        delays = [likely.delay for likely in likely_delays(stretches, limits)]
-        if (longest := max(delays)) > max(_orders(stretches, ORDERS)):
-            long = [stretch for stretch in stretches if stretch.samples > longest]
-            times, about = _differences([_behind(stretch, delays) for stretch in long])
+    if times and (behind := _behind_delays(stretches, ORDERS)):
+        times, about = _differences(behind)
     return times, about
+
+
+def _behind_delays(stretches: Sequence[Segment], orders: Sequence[int]) -> list[Segment]:
+    """Stretches with the delays taken out, where one is longer than the largest ARX model is."""
+    limits = [(0, longest_delay(stretches))] * stretches[0].inputs.shape[1]
+    delays = [likely.delay for likely in likely_delays(stretches, limits)]
+    if (longest := max(delays, default=0)) <= max(_orders(stretches, orders), default=0):
+        return []
+    return [_behind(stretch, delays) for stretch in stretches if stretch.samples > longest]
 
 
 def _behind(stretch: Segment, delays: Sequence[int]) -> Segment:
@@ -159,8 +164,17 @@ def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
 
     Disturbances come whatever the input does.  Where the sizes of the residuals follow its changes,
     they are what a linear model misses, as of friction, and least squares give the linear model of
-    the lowest simulation error (Enqvist & Ljung 2005).
+    the lowest simulation error (Enqvist & Ljung 2005).  So are those behind a delay longer than the
+    largest ARX model: there the delays are taken out before.
     """
+    objective, about = _objective(stretches)
+    if objective == "absolute" and (behind := _behind_delays(stretches, OBJECTIVE_ORDERS)):
+        objective, about = _objective(behind)
+    return objective, about
+
+
+def _objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
+    """What ARX models without delays say of the objective."""
     orders, inputs = _orders(stretches, OBJECTIVE_ORDERS) or [1], stretches[0].inputs.shape[1]
     lowest, left = dict.fromkeys(("quadratic", "absolute"), np.inf), []
     for name, n in product(lowest, orders):
