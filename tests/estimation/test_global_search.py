@@ -92,7 +92,10 @@ def test_few_restarts_that_agree_on_roots_that_the_record_leaves_open_are_no_cer
         assert are_determined(searched.errors, found.point) == determined
         assert is_certified(found.diagnostics) == determined
         assert has_agreed(found.diagnostics)
-        assert has_agreed(pooled(descended(searched, found.point), found).diagnostics)
+        again = descended(searched, found.point)
+        for both in (pooled(again, found), pooled(found, again)):
+            assert has_agreed(both.diagnostics)
+            assert both.diagnostics.determined == determined
 
 
 @pytest.mark.parametrize("orders", [(4, 4, 4, 3), (8, 8, 8, 3)])

@@ -185,6 +185,7 @@ def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
         (earlier.evaluations + spent, min(value, first.value)) for spent, value in later.convergence
     )
     minima = earlier.restart_minima + later.restart_minima
+    alike = [r.diagnostics for r in (first, second) if same_optimum(r.value, best.value)]
     diagnostics = SearchDiagnostics(
         evaluations=earlier.evaluations + later.evaluations,
         generations=earlier.generations + later.generations,
@@ -194,11 +195,8 @@ def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
         n_multistart=earlier.n_multistart + later.n_multistart,
         undiscovered_probability=drawn.undiscovered_probability,
         convergence=(*earlier.convergence, *continued),
-        withstood=any(
-            result.diagnostics.withstood and same_optimum(result.value, best.value)
-            for result in (first, second)
-        ),
-        determined=best.diagnostics.determined,
+        withstood=any(of_search.withstood for of_search in alike),
+        determined=all(of_search.determined for of_search in alike),
     )
     return replace(best, diagnostics=diagnostics, ends=first.ends + second.ends)
 
