@@ -198,7 +198,8 @@ class Scorer:
     Structures and orders of a long record of one output are compared on its first ``MOST_SAMPLES``
     samples; :meth:`on_all_samples` fits what was chosen to all.
 
-    ``limits``: Other orders have none. ``delays``: Where orders have none. ``likely``: Others.
+    ``limits``: of the orders of candidates.  ``delays``: of the inputs, of models whose orders have
+    none.  ``likely``: delays of each input that are likely.
     """
 
     def __init__(

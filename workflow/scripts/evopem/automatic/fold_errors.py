@@ -47,7 +47,7 @@ def as_good(
 ) -> bool:
     """Whether a model does as well on held-out samples as another.
 
-    Within some standard errors of the mean difference of the folds and a share, or by no gain.
+    Within some standard errors of the mean difference of the folds and a share, or within ``GAIN``.
     """
     score = score_of(kind)
     if not np.isfinite(score(candidate)):

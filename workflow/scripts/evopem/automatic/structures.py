@@ -44,8 +44,8 @@ Level = Literal["constant", "state"]
 # likelihood: where its residuals are valid, and where all its checks hold or chance allows it.
 MOST_WHEN_VALID, MOST_WHEN_ALL_HOLD = 1.25, 3.0
 FINALISTS = 2
-# Likely delays of an input that are tried with the orders of these, and a difference of BIC, not
-# divided by the samples, that is evidence for another one (Kass & Raftery 1995).
+# About so many likely delays of an input are tried with the orders of a finalist.  A difference of
+# BIC, not divided by the samples, is evidence for another one (Kass & Raftery 1995).
 MOST_DELAYS, POSITIVE = 12, 2.0
 # One-step errors over simulation errors, on held-out samples, that refute a noise model.
 HARMFUL = 1.5
@@ -223,7 +223,7 @@ def _finalists(candidates: Sequence[Candidate], score: Score) -> list[Candidate]
 def _at_likely_delay(scorer: Scorer, start: Candidate) -> Candidate:
     """A candidate, or the same with another likely delay of an input where the BIC is lower.
 
-    Of coloured residuals it tells no delay.
+    The BIC of coloured residuals tells no delay.
     """
     is_white = scorer.checks(start).whiteness >= BY_CHANCE
     best, models = start, [start.polynomials] if start.polynomials is not None else []

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from scipy.special import ndtri
@@ -302,7 +303,7 @@ def held_out_scores(
     for scored in designs:
         of_design = [
             np.sum([_errors_on(model, *part, absolute, bound) for part in parts], axis=0)
-            for parts, model in zip(scored, models, strict=False)
+            for parts, model in zip(scored, islice(models, len(scored)), strict=True)
         ]
         sums, counts = np.sum(of_design, axis=0)
         if not (counts[2] > 0).all():
