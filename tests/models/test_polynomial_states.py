@@ -130,6 +130,15 @@ def test_states_are_found_where_singular_values_are_not(monkeypatch):
     assert failing.called
 
 
+def test_a_state_that_overflows_fails_as_other_decompositions_do():
+    """A structure with such a model has no candidates; a ValueError would end the whole search."""
+    form = MODEL.state_space()
+    growing = replace(form, A=9.0 * np.eye(form.order))
+    u, x, _ = signals(MODEL, 400, 0.0)
+    with pytest.raises(np.linalg.LinAlgError), np.errstate(all="ignore"):
+        growing.prediction_state(u[:, None], x[:, None])
+
+
 def test_a_simulation_whose_states_overflow_is_infinite():
     form = MODEL.plant().state_space()
     grown = replace(form, B=1e200 * form.B, C=1e-200 * form.C)

@@ -101,6 +101,8 @@ def _solved(columns: Array, goal: Array, share: float) -> tuple[Array, int, Arra
     try:
         coefficients, _, rank, sizes = np.linalg.lstsq(columns, goal, share)
     except np.linalg.LinAlgError:
+        if not (np.isfinite(columns).all() and np.isfinite(goal).all()):
+            raise  # SciPy would raise a plain ValueError, which ends a search
         # The iteration for singular values may not end; a decomposition with pivots needs none.
         coefficients, _, rank, _ = scipy.linalg.lstsq(columns, goal, share, lapack_driver="gelsy")
         sizes = np.ones(columns.shape[1])
