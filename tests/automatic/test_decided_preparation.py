@@ -7,6 +7,7 @@ import pytest
 from records import noisy, output_error_record
 from scipy.signal import chirp, lfilter
 
+from evopem.automatic.preparation import decimation
 from evopem.automatic.preparation.decimation import decide_decimation
 from evopem.automatic.preparation.disturbance import decide_differences, decide_objective
 from evopem.automatic.preparation.plan import decide_preparation, prepare
@@ -121,6 +122,16 @@ def test_a_long_delay_alone_is_no_reason_for_a_lower_rate():
     assert scores["2"] < 0.9 * scores["1"]
     assert (factor, decision.choice) == (1, "1")
     assert "the rate is kept" in decision.sentence
+
+
+def test_a_stretch_shorter_than_a_delay_does_not_end_the_decision():
+    generator, stretches = np.random.default_rng(1), []
+    for samples in (600, 85):
+        u = chirp(np.arange(samples), 0.0005, samples, 0.02)
+        y = np.outer(lfilter([0.0] * 80 + [0.1], [1.0, -0.9], u), [1.0, 2.0])
+        y += 0.01 * generator.standard_normal(y.shape)
+        stretches.append(Segment((u - u.mean())[:, None], y - y.mean(axis=0)))
+    assert not decimation._is_confirmed(stretches, 2)
 
 
 def test_a_response_to_steps_behind_a_long_delay_has_no_outliers():

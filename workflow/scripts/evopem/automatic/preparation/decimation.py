@@ -158,8 +158,9 @@ def _least_error(stretches: Sequence[Segment], nk: tuple[int, ...]) -> Array:
 def _probes(training: Sequence[Segment], nk: tuple[int, ...]) -> Iterator[tuple[str, Model]]:
     """Output-error models, and of one output ARX models, as far as the samples carry them."""
     if training[0].outputs.shape[1] > 1:
-        fits = fits_in_state_space(training, "ss_oe", PROBES, nk, CommonSettings())
-        yield from ((str(n), fitted.model) for n, fitted in fits)
+        with suppress(NoModelError):  # a stretch may be shorter than the delays
+            fits = fits_in_state_space(training, "ss_oe", PROBES, nk, CommonSettings())
+            yield from ((str(n), fitted.model) for n, fitted in fits)
         return
     for n in PROBES:
         nb = (n,) * len(nk)
