@@ -143,6 +143,28 @@ def test_an_optimum_that_rounding_spoils_is_left_for_the_compared_model(candidat
     np.testing.assert_allclose(found.model.B[0], compared.B[0], rtol=1e-2)
 
 
+def test_plant_and_noise_are_searched_together_where_rounding_spoils_the_plant_alone(
+    candidate, monkeypatch
+):
+    recording, record, scorer, choice = candidate
+    plant = choice.candidate.model
+    model = replace(plant, C=np.array([1.0, 0.1]), D=np.array([1.0, -0.1]), structure="bj")
+    with_noise = replace(choice, candidate=replace(choice.candidate, structure="bj", model=model))
+    estimate_candidate = chosen_model.estimate_candidate
+
+    def of_both_alone(asked, *given, **options):
+        if asked.structure == "oe":
+            raise LostModelError("search", "its errors are lost in rounding", "lower the orders")
+        return estimate_candidate(asked, *given, **options)
+
+    monkeypatch.setattr(chosen_model, "estimate_candidate", of_both_alone)
+    found, _ = chosen_model.estimate_choice(
+        *(with_noise, scorer, record, recording, SearchSettings(evaluations=200)), plant_kept=True
+    )
+    assert found.model.orders == model.orders
+    assert found.model.F[0] == pytest.approx([1.0, -1.5, 0.8], abs=0.05)
+
+
 @pytest.mark.parametrize(("spoiled", "given"), [(2, 1e-7), (9, 0.01)])
 def test_a_pole_that_rounding_puts_beyond_the_bound_moves_the_bound_in(
     candidate, monkeypatch, spoiled, given

@@ -233,13 +233,13 @@ def estimate_choice(
     noise = choice.candidate.polynomials
     if plant_kept and fit is None and noise is not None:
         plant = replace(noise, C=np.ones(1), D=np.ones(1), structure="oe")
-        alone = replace(choice.candidate, structure="oe", model=plant)
-        given = replace(choice, candidate=alone), scorer, record, estimation, search
-        searched_model, about = estimate_choice(*given, log=log)
-        assert isinstance(searched_model.model, PolynomialModel)
-        model = replace(searched_model.model, C=noise.C, D=noise.D, structure="bj", covariance=None)
-        estimate = described_by_search(model, searched_model.estimate.search, search, estimation)
-        return replace(searched_model, estimate=estimate, model=estimate.model), about
+        alone = replace(choice, candidate=replace(choice.candidate, structure="oe", model=plant))
+        with suppress(LostModelError):  # of a plant that rounding leaves both are searched
+            kept, about = estimate_choice(alone, scorer, record, estimation, search, log=log)
+            assert isinstance(kept.model, PolynomialModel)
+            model = replace(kept.model, C=noise.C, D=noise.D, structure="bj", covariance=None)
+            estimate = described_by_search(model, kept.estimate.search, search, estimation)
+            return replace(kept, estimate=estimate, model=estimate.model), about
     candidate = replace(choice.candidate, model=record.in_its_units(choice.candidate.model))
     try:
         searched_model = estimate_candidate(candidate, estimation, scorer, search, fit, log)
