@@ -72,9 +72,10 @@ def has_agreed(diagnostics: SearchDiagnostics, polynomial: bool = True) -> bool:
 
 def is_certified(diagnostics: SearchDiagnostics, polynomial: bool = True) -> bool:
     """Whether restarts have agreed, and where they are few, on roots that the record determines."""
+    if diagnostics.determined:
+        return has_agreed(diagnostics, polynomial)
     agreeing, restarts = diagnostics.n_confirming + 1, diagnostics.n_restarts
-    many = enough_agree(agreeing, restarts, diagnostics.undiscovered_probability)
-    return has_agreed(diagnostics, polynomial) and (diagnostics.determined or many)
+    return enough_agree(agreeing, restarts, diagnostics.undiscovered_probability)
 
 
 # The limits of likely gains were exceeded in 3 to 9 % of the random problems of

@@ -7,14 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from evopem.arrays import Array, Complex, Integers
-from evopem.estimation.pem.covariance import loss_deviation, pseudo_inverse_factor
+from evopem.estimation.pem.covariance import estimate_covariance
 from evopem.estimation.pem.derived_errors import CoordinateErrors, Mapped
 from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.pem.kernels.polynomials import products_of_sections
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.staged_descent import POLISH_STAGES, staged_descent
-from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial_roots import roots, uncertain_roots
 from evopem.signals.least_squares import triangle_of
 
@@ -256,11 +255,12 @@ def descend_in_sections(errors: PolynomialErrors, points: Array, largest_value: 
 
 def are_determined(errors: PolynomialErrors, point: Array) -> bool:
     """Whether the record determines every root of A, C, D and F at an optimum, (n,)."""
-    triangle = triangle_of(errors.jacobian_blocks(point))
-    inverse, null_space = pseudo_inverse_factor(triangle)
-    deviation = loss_deviation(errors.residuals(point), errors.dimension, errors.objective)
-    covariance = ParameterCovariance(deviation * inverse, null_space)
-    return all(
+    given = triangle_of(errors.jacobian_blocks(point)), errors.residuals(point)
+    of_noise = np.empty(0, dtype=np.intp)  # rounding errors count as any other residuals
+    covariance = estimate_covariance(
+        *(*given, errors.scored_outputs(), errors.dimension, of_noise, errors.objective)
+    )
+    return covariance is not None and all(
         np.trace(spread) <= DETERMINED**2
         for _, part in errors.polynomials()
         for _, spread in uncertain_roots(
