@@ -1,6 +1,6 @@
 """Compilation by numba, with an on-disk cache that notices changes in a whole folder.  numba's own
 cache compares a digest of the one file that defines a function; here the digest covers every Python
-file of that folder, which what it calls is defined in, and of this one, which compiles it."""
+file of that folder, which what it calls is defined in, and this file, which compiles it."""
 
 import gc
 import hashlib
@@ -23,6 +23,10 @@ from numba.core.runtime import rtsys
 from numba.core.typed_passes import NativeLowering
 
 LOGGER = logging.getLogger("evopem")
+
+# Of signals of unit size; below it a free response is 0.  Its own end would be subnormal numbers,
+# which it never leaves, and which are a hundred times slower in all that follows.
+DECAYED = 1e-150
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
@@ -103,10 +107,10 @@ def _without_collections() -> Iterator[None]:
             gc.enable()
 
 
-def folder_digest(folder: Path) -> str:
+def folder_digest(folder: Path, names: str = "*.py") -> str:
     """Digest of the names and contents of the Python files of a folder, 64 digits."""
     digest = hashlib.sha256()
-    for file in sorted(folder.glob("*.py")):
+    for file in sorted(folder.glob(names)):
         digest.update(file.name.encode())
         digest.update(hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()
@@ -122,8 +126,9 @@ class _FolderStamp:
     _py_file: str
 
     def get_source_stamp(self) -> str:
-        kernels, compiler = Path(self._py_file).parent, Path(__file__).parent
-        return "".join(map(_digest_once, dict.fromkeys([kernels, compiler])))
+        compiler = Path(__file__)
+        kernels = _digest_once(Path(self._py_file).parent)
+        return kernels + _digest_once(compiler.parent, compiler.name)
 
 
 class _FolderCacheImplementation(caching.CompileResultCacheImpl):

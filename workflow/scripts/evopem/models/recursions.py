@@ -2,11 +2,7 @@
 
 import numpy as np
 
-from evopem.compilation import cached_njit
-
-# Of signals of unit size; below it a free response is 0.  Its own end would be subnormal numbers,
-# which it never leaves, and which are a hundred times slower in all that follows.
-DECAYED = 1e-150
+from evopem.compilation import DECAYED, cached_njit
 
 
 @cached_njit

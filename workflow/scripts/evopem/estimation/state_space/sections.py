@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.arrays import Array, Flags, Integers
-from evopem.compilation import cached_njit, njit
-from evopem.models.recursions import DECAYED
+from evopem.compilation import DECAYED, cached_njit, njit
 
 
 @njit
