@@ -200,10 +200,8 @@ class _Residuals:
 
 
 def _earlier_delays(tested: _Residuals, delays: tuple[int, ...]) -> tuple[int, ...]:
-    """The delays, earlier where residuals depend on samples of an input before its delay.
-
-    A dependence on later samples is one of the response, and no fault of the delay.
-    """
+    """The delays, earlier where residuals depend on samples of an input before its delay. A
+    dependence on later samples is one of the response, and no fault of the delay."""
     residuals, inputs, bounds = tested.residuals, tested.inputs, tested.bounds
     allowed, earlier = largest_by_chance(residuals.shape[1] * sum(delays)), list(delays)
     for column, delay in enumerate(delays):

@@ -133,11 +133,9 @@ def _along_path(
 def _by_states(
     scorer: Scorer, structure: str, smaller: Mapping[str, StructureSearch], log: Log | None
 ) -> list[Candidate]:
-    """Candidates in state space until their BIC rises.
-
-    Of many states in output-error form also where that of simulations has not fallen for long:
-    coloured errors lower the BIC with every state that describes them.
-    """
+    """Candidates in state space until their BIC rises. Of many states in output-error form also
+    where that of simulations has not fallen for long: coloured errors lower the BIC with every
+    state that describes them."""
     states = numbers_of_states(scorer)
     if not states:
         return []
@@ -367,11 +365,9 @@ def in_runs(delays: Sequence[int]) -> str:
 
 
 def _is_fed_back(segments: Sequence[Segment]) -> bool:
-    """Whether an input depends on past residuals of ARX models that know its same sample.
-
-    Feedback that explains little of the input may pass for a response to the same sample, but not
-    for nearly all that is new in the output: that would leave the reference next to nothing.
-    """
+    """Whether an input depends on past residuals of ARX models that know its same sample. Feedback
+    that explains little of the input may pass for a response to the same sample, but not for nearly
+    all that is new in the output: that would leave the reference next to nothing."""
     longest = max(segments, key=lambda segment: segment.samples)
     for output in range(longest.outputs.shape[1]):
         alone = longest.of_output(output)

@@ -97,10 +97,8 @@ def _is_better(scorer: Scorer, candidate: Candidate, best: Candidate) -> bool:
 
 
 def _is_allowed(scorer: Scorer, candidate: Candidate, first: Candidate, choice: Choice) -> bool:
-    """Whether the error for the purpose stays.
-
-    Within one standard error, where fewer checks fail or the BIC is lower.
-    """
+    """Whether the error for the purpose stays. Within one standard error, where fewer checks fail
+    or the BIC is lower."""
     score = score_of(choice.kind)
     as_before = score(candidate) <= (1.0 + TOLERATED) * score(first)
     if choice.purpose != "simulation":
@@ -155,12 +153,10 @@ def _has_coloured_plant(scorer: Scorer, candidate: Candidate) -> bool:
 def _with_another_noise_model(
     scorer: Scorer, candidate: Candidate, choice: Choice, trials: list[Trial]
 ) -> tuple[Candidate, bool]:
-    """The plant with the smallest noise model that makes the residuals white, else with none.
-
-    And whether its plant stays as it was estimated without the noise model.  A noise model that
-    does not describe the noise makes standard errors wrong; those of an output-error model take the
-    colour of its residuals into account.
-    """
+    """The plant with the smallest noise model that makes the residuals white, else with none. And
+    whether its plant stays as it was estimated without the noise model.  A noise model that does
+    not describe the noise makes standard errors wrong; those of an output-error model take the
+    colour of its residuals into account."""
     # The plant's last fit comes first: it is not changed afterwards.
     plant = scorer.on_all_samples(candidate)
     known = set(scorer.checks(plant).failed)

@@ -122,10 +122,8 @@ class Evidence:
         return [kernel(h, x.shape[1]) for h, x in zip(self._rows(hyper), self.blocks, strict=True)]
 
     def _whitened(self, priors: Iterable[Array]) -> tuple[float, Array, Array] | None:
-        """The value, the Cholesky factor of the target's covariance, and the target whitened.
-
-        None for priors of such a scale that rounding leaves nothing.
-        """
+        """The value, the Cholesky factor of the target's covariance, and the target whitened. None
+        for priors of such a scale that rounding leaves nothing."""
         covariance = np.eye(len(self.target))
         for x, p in zip(self.blocks, priors, strict=True):
             covariance += x @ p @ x.T

@@ -211,9 +211,7 @@ def pruned(scheduled: Scheduled, estimate: VaryingEstimate) -> VaryingEstimate:
 
 def _dropped(estimate: VaryingEstimate) -> Indices:
     """Terms that BIC seems not to need, one after the other, as the covariance lets others go on.
-
-    (The increase by a term that is left out is its squared t-statistic: Wald.)
-    """
+    (The increase by a term that is left out is its squared t-statistic: Wald.)"""
     known, droppable, dropped = estimate.model.covariance, estimate.free.copy(), list[int]()
     if known is None:
         return np.arange(0)

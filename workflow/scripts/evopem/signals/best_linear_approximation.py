@@ -73,10 +73,8 @@ def realisations_of(inputs: Array) -> tuple[int, list[slice]]:
 
 
 def _repeating(signals: Array, period: int) -> list[slice]:
-    """Samples of signals, (N, m), that repeat over two periods or more.
-
-    Up to the first and last two periods that are as alike as those between.
-    """
+    """Samples of signals, (N, m), that repeat over two periods or more. Up to the first and last
+    two periods that are as alike as those between."""
     if not 0 < 2 * period <= len(signals):
         return []
     change = np.sum((signals[period:] - signals[:-period]) ** 2 / np.var(signals, axis=0), axis=1)

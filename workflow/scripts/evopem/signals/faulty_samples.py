@@ -149,10 +149,8 @@ def without_outliers(segments: Sequence[Segment]) -> Cleaned:
 
 
 def _pieces(segments: Sequence[Segment]) -> Iterator[list[tuple[int, int, int]]]:
-    """Stretches of finite samples as (segment, first, stop), in groups for one model each.
-
-    A stretch begins before the end of the one before it: no sample is replaced at an end.
-    """
+    """Stretches of finite samples as (segment, first, stop), in groups for one model each. A
+    stretch begins before the end of the one before it: no sample is replaced at an end."""
     group: list[tuple[int, int, int]] = []
     for k, segment in enumerate(segments):
         good = np.isfinite(np.column_stack([segment.inputs, segment.outputs]).sum(axis=1))
@@ -267,11 +265,9 @@ def _replace(part: Part, mask: Flags, model: _Arx) -> bool:
 
 
 def _judged(part: Part, before: Array, mask: Flags, model: _Arx) -> tuple[Flags, float, float]:
-    """Replaced samples that were wrong, and the power of explained and unexplained changes.
-
-    Around an explained one the residuals are like elsewhere.  It may be a large disturbance as well
-    without very strong evidence; where disturbances hardly pass through poles, the two are one.
-    """
+    """Replaced samples that were wrong, and the power of explained and unexplained changes. Around
+    an explained one the residuals are like elsewhere.  It may be a large disturbance as well
+    without very strong evidence; where disturbances hardly pass through poles, the two are one."""
     residuals, lags = model.residuals(part), model.lags
     changes = (before - part[1]) / model.scale
     weight = 1.0 + np.sum(model.coefficients[:lags] ** 2)

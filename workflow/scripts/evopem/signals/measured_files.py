@@ -134,10 +134,8 @@ def _reader_of(path: Path) -> ModuleType:
 
 
 def _refuse_crashing(opened: Callable[[], object], path: Path) -> None:
-    """Refuse a file that crashes its reader, by reading it first in a separate process.
-
-    A damaged file can make compiled code access invalid memory, which ends the process.
-    """
+    """Refuse a file that crashes its reader, by reading it first in a separate process. A damaged
+    file can make compiled code access invalid memory, which ends the process."""
     with warnings.catch_warnings():
         # From Python 3.12 on, a fork beside the idle threads of a BLAS is warned about.
         warnings.simplefilter("ignore", DeprecationWarning)

@@ -89,10 +89,8 @@ def _without_ends(spectrum: Spectrum) -> Array:
 def _prominent(
     averaged: Array, spectrum: Spectrum, cells: int
 ) -> Iterator[tuple[int, float, float, float]]:
-    """Local maxima whose prominence exceeds the noise's spread.
-
-    Of each the index, where it is halfway down (in dB) on both sides, and the prominence in dB.
-    """
+    """Local maxima whose prominence exceeds the noise's spread. Of each the index, where it is
+    halfway down (in dB) on both sides, and the prominence in dB."""
     from scipy.signal import find_peaks
     from scipy.stats import chi2
 

@@ -141,10 +141,8 @@ def _section(
 def _divided(
     stretches: Sequence[_Stretch], n_own: int, split: SplitSettings, lost: int, key: str
 ) -> tuple[list[Range], list[Range], Source]:
-    """The samples for estimation and for validation, and where the latter come from.
-
-    Those of files for validation follow ``n_own``; differences take ``lost`` of a stretch first.
-    """
+    """The samples for estimation and for validation, and where the latter come from. Those of files
+    for validation follow ``n_own``; differences take ``lost`` of a stretch first."""
     count = 1 + stretches[-1].number
     places = [[i for i, s in enumerate(stretches) if s.number == n] for n in range(count)]
     lengths = [max(stretch.recording.samples - lost, 0) for stretch in stretches]
@@ -215,10 +213,8 @@ def _held_out_recordings(samples: Sequence[int], share: float) -> int:
 
 def _before_last_change(inputs: Array, first: int, stop: int) -> int:
     """Where the validation samples begin when the built-in share is to test the inputs' response.
-
     That is `stop` unless all inputs, (N, m), rest from there on. Then it is a tenth of the samples
-    before their last change, if half of the samples with a change remain for estimation.
-    """
+    before their last change, if half of the samples with a change remain for estimation."""
     if np.ptp(inputs[stop:], axis=0).any():
         return stop
     changes = first + np.flatnonzero(np.diff(inputs[first : stop + 1], axis=0).any(axis=1))
@@ -246,10 +242,8 @@ def _number_of_samples(value: float, available: int) -> int:
 def _transformed(
     stretches: list[_Stretch], setting: float | str, estimation: Sequence[Range], source: str
 ) -> tuple[list[_Stretch], float | None, float]:
-    """The stretches with Box-Cox transformed outputs, the parameter, and the shift before it.
-
-    An automatic parameter is found from the ``estimation`` samples.
-    """
+    """The stretches with Box-Cox transformed outputs, the parameter, and the shift before it. An
+    automatic parameter is found from the ``estimation`` samples."""
     if setting == "none":
         return stretches, None, 0.0
     count = stretches[0].recording.outputs.shape[1]

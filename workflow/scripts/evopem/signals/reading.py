@@ -152,9 +152,7 @@ def _timing(channels: Mapping[str, Channel], stated: ChannelSettings, source: st
 
 def _named_times(path: str) -> str:
     """The first channel whose name says that it holds times, in words; empty where none does.
-
-    LabVIEW's `X_Value` is mostly a time, which its name does not say.
-    """
+    LabVIEW's `X_Value` is mostly a time, which its name does not say."""
     names = channel_names(path)
     named = [name for name in names if names_time(name)] or [n for n in names if n == "X_Value"]
     return f', such as "{named[0]}"' if named else ""
@@ -162,10 +160,8 @@ def _named_times(path: str) -> str:
 
 def _at_lowest_rate(read: Sequence[Channel], stated: ChannelSettings, source: str) -> list[Channel]:
     """Channels of different rates at the lowest of them, over the time that all of them cover.
-
     Faster ones pass the filter of :func:`resample_signal`, which has no delay. `InputError` where
-    nothing asks for it, or where they have no time in common.
-    """
+    nothing asks for it, or where they have no time in common."""
     rates = {channel.sampling_rate: None for channel in read}
     if None in rates or stated.time is not None or stated.uneven_time != "interpolate":
         words = " and ".join("none" if rate is None else f"{rate:g} Hz" for rate in rates)
@@ -217,11 +213,9 @@ def _units(
 def _expanded(
     path: str | Path, channels: ChannelSettings
 ) -> tuple[tuple[Reference, ...], tuple[Reference, ...]]:
-    """Inputs and outputs with every pattern replaced by the numbers of its channels.
-
-    A pattern stands for all channels whose names it matches and that no other entry names.  The
-    very name of a channel is no pattern, whatever it holds.
-    """
+    """Inputs and outputs with every pattern replaced by the numbers of its channels. A pattern
+    stands for all channels whose names it matches and that no other entry names.  The very name of
+    a channel is no pattern, whatever it holds."""
     everything = [*channels.inputs, *channels.outputs]
     everything += [] if channels.time is None else [channels.time]
     if not any(map(is_pattern, everything)):

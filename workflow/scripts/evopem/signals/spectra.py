@@ -168,10 +168,8 @@ class _Spectra(NamedTuple):
 def _spectra(
     signals: Sequence[Array], rate: float, time_halfbandwidth: float, nfft: int
 ) -> _Spectra:
-    """Spectral matrices from segments, (n, c) each, weighted alike in all channels.
-
-    Their weights are the geometric mean of the channels' adaptive weights.
-    """
+    """Spectral matrices from segments, (n, c) each, weighted alike in all channels. Their weights
+    are the geometric mean of the channels' adaptive weights."""
     signals = [signal - signal.mean(axis=0) for signal in signals]
     variances = np.concatenate(signals).var(axis=0)
     if not variances.all():
@@ -230,11 +228,9 @@ def _tapers(length: int, time_halfbandwidth: float) -> tuple[Array, Array]:
 
 
 def _adaptive_weights(eigenspectra: Array, concentrations: Array, flat_density: float) -> Array:
-    """Thomson's weights b_k² λ_k, shape (K, F), Percival & Walden (1993, eq. 368a).
-
-    A taper counts less wherever its leakage, at most (1 - λ_k) times the variance, outweighs the
-    density. The factor S², common to the tapers of one frequency, cancels and is left out.
-    """
+    """Thomson's weights b_k² λ_k, shape (K, F), Percival & Walden (1993, eq. 368a). A taper counts
+    less wherever its leakage, at most (1 - λ_k) times the variance, outweighs the density. The
+    factor S², common to the tapers of one frequency, cancels and is left out."""
     if len(concentrations) == 1:
         return np.ones_like(eigenspectra)
     # In units of about the flat density: a square of the density itself may leave the range of

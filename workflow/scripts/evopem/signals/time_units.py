@@ -74,11 +74,9 @@ def _words(name: str) -> list[str]:
 
 
 def _unit_in_name(name: str) -> str:
-    """What stands for a unit in the name of a time channel, known or not; empty if nothing does.
-
-    A text in brackets at the end; else a last or first word that is a known unit ("time_ms_1");
-    else a last word of letters that follows a word for time ("time_ticks") and is no usual one.
-    """
+    """What stands for a unit in the name of a time channel, known or not; empty if nothing does. A
+    text in brackets at the end; else a last or first word that is a known unit ("time_ms_1"); else
+    a last word of letters that follows a word for time ("time_ticks") and is no usual one."""
     bracketed = _BRACKET.search(name)
     if bracketed:
         return _spelled(bracketed.group(1))

@@ -321,11 +321,9 @@ def _even_grid(times: Array, named: _Stamps) -> tuple[float, Unevenness]:
 
 
 def _refuse_other_rate(steps: Array, usual: float, named: _Stamps) -> None:
-    """Refuse stamps whose mean step changes in the course of the recording.
-
-    The steps that are missing in a gap are counted.  What jitter does to the mean step of a block
-    follows from its steps.
-    """
+    """Refuse stamps whose mean step changes in the course of the recording. The steps that are
+    missing in a gap are counted.  What jitter does to the mean step of a block follows from its
+    steps."""
     blocks = min(BLOCKS, steps.size // SHORTEST_BLOCK)
     if blocks < 2:
         return

@@ -347,10 +347,8 @@ def _errors_on(
 
 
 def _overlap(folds: Sequence[Fold]) -> float:
-    """Smallest share of a held-out input spectrum that the training part has as well.
-
-    0 where an input nearly rests in the training part, as all inputs do after a single blow.
-    """
+    """Smallest share of a held-out input spectrum that the training part has as well. 0 where an
+    input nearly rests in the training part, as all inputs do after a single blow."""
     return min(
         float(np.minimum(_spectrum(fold.held_out), _spectrum(fold.training)).sum())
         * (not _rests(fold))
@@ -370,9 +368,7 @@ def _rests(fold: Fold) -> bool:
 
 def _spectrum(stretches: Sequence[Segment]) -> Array:
     """Power of the inputs in equally wide bands, (m, BANDS), each input with the same share of 1.
-
-    Of the outputs, where there is no input.
-    """
+    Of the outputs, where there is no input."""
     if not stretches:
         return np.full((1, BANDS), 1.0 / BANDS)
     driven = stretches[0].has_input

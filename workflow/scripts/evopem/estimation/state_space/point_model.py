@@ -137,10 +137,8 @@ class PointModel(ScaledModel):
 
 def _basis_of(predictor: Array, C: Array) -> Array:
     """The states of the model from those of the sections, (n, n): the same, unless ill-conditioned.
-
     Where sections with nearly equal poles cancel, rounding would spoil simulations: the states then
-    have orthonormal responses at the outputs (output-normal form).
-    """
+    have orthonormal responses at the outputs (output-normal form)."""
     with np.errstate(all="ignore"):
         # Of C, C P, C P^2, ..., twice as many in each step.
         root = np.asarray(np.linalg.qr(np.vstack([C, np.zeros_like(predictor)]), mode="r"))

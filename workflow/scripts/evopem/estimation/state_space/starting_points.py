@@ -148,11 +148,9 @@ def ridge(gram: Array, products: Array, share: float = RESIDUE_RIDGE) -> Array:
 
 
 def _driven(errors: StateSpaceErrors, point: Array, alpha: Array, beta: Array) -> Array:
-    """The point with the inputs of its sections from the leading vectors of their residues.
-
-    With alpha and beta of the responses p and r, residues of a complex pair are ``alpha + i beta``,
-    and those of two real poles ``alpha + beta`` and ``alpha - beta``.
-    """
+    """The point with the inputs of its sections from the leading vectors of their residues. With
+    alpha and beta of the responses p and r, residues of a complex pair are ``alpha + i beta``, and
+    those of two real poles ``alpha + beta`` and ``alpha - beta``."""
     layout = errors.layout
     point = point.copy()
     drives = layout.drives

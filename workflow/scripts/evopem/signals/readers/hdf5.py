@@ -111,11 +111,9 @@ def _unit(attributes: Properties) -> str:
 
 
 def _refuse_incomplete(path: Path, dataset: Any) -> None:
-    """Refuse a dataset whose values are not all written, or not all in this file.
-
-    HDF5 gives the fill value, mostly 0, for what was never written and for virtual datasets
-    whose source is missing. Values in other files are not covered by the file's checksum.
-    """
+    """Refuse a dataset whose values are not all written, or not all in this file. HDF5 gives the
+    fill value, mostly 0, for what was never written and for virtual datasets whose source is
+    missing. Values in other files are not covered by the file's checksum."""
     problem = ""
     if dataset.external:
         problem = f'its values are stored in another file, "{dataset.external[0][0]}"'

@@ -105,11 +105,9 @@ def _refuse_interruptions(table: Table, heading: Heading, header_lines: int) -> 
 
 
 def _may_be_sample(table: Table, line: str, below: bool) -> bool:
-    """Whether a line that begins like a comment may be a sample with a damaged first field.
-
-    A comment has a blank after its mark; below the headings it holds no number in as many fields as
-    a row has. Without the blank, it is no number and has not as many fields as a row.
-    """
+    """Whether a line that begins like a comment may be a sample with a damaged first field. A
+    comment has a blank after its mark; below the headings it holds no number in as many fields as a
+    row has. Without the blank, it is no number and has not as many fields as a row."""
     is_value = table.dialect.is_value
     rest = line.lstrip("".join(COMMENT_MARKS))
     fields, inner = table.dialect.split(line), table.dialect.split(rest.strip())
@@ -122,10 +120,8 @@ def _may_be_sample(table: Table, line: str, below: bool) -> bool:
 
 
 def _column(table: Table, start: int, width: int, column: int) -> list[str]:
-    """The fields of one column; every row must have the same number of fields.
-
-    Table libraries are not used here, because they fill or drop short rows without a message.
-    """
+    """The fields of one column; every row must have the same number of fields. Table libraries are
+    not used here, because they fill or drop short rows without a message."""
     taken = []
     for number, line in table.rows[start:]:
         fields = table.dialect.split(line)

@@ -187,10 +187,8 @@ def _decode(path: Path) -> str:
 
 
 def _join_quoted(numbered: list[Row]) -> list[Row]:
-    """Join lines that a quoted field with line breaks extends over.
-
-    A quotation mark that the next lines do not close is left alone: it may mean inches.
-    """
+    """Join lines that a quoted field with line breaks extends over. A quotation mark that the next
+    lines do not close is left alone: it may mean inches."""
     joined: list[Row] = []
     index = 0
     while index < len(numbered):
@@ -209,10 +207,8 @@ def _choose_dialect(
     sample: Sequence[str], separator: str | None, decimal_mark: str | None
 ) -> Dialect:
     """The separator and decimal mark under which most fields are numbers, where they are not given.
-
     On a tie a decimal point comes before a comma, and tab, semicolon, comma in this order; blanks
-    only where no other separator makes most fields numbers.
-    """
+    only where no other separator makes most fields numbers."""
     quoted = any('"' in line for line in sample)
     decimals = (decimal_mark,) if decimal_mark else (".", ",")
     choices = [

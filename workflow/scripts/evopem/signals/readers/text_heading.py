@@ -144,10 +144,8 @@ def _in_comments(table: Table, start: int) -> tuple[list[str], list[str]]:
 
 
 def _stated(table: Table, wanted: set[str], header_lines: int) -> Heading:
-    """The headings above the line that the configuration states.
-
-    The lowest row with all names asked for; without names the lowest that holds no units.
-    """
+    """The headings above the line that the configuration states. The lowest row with all names
+    asked for; without names the lowest that holds no units."""
     start = next((i for i, row in enumerate(table.rows) if row[0] > header_lines), None)
     if start is None:
         problem = f"there is no row below the {header_lines} header lines"
