@@ -7,6 +7,7 @@ import pytest
 
 from evopem.config.settings import SearchSettings
 from evopem.estimation.pem.kernels.bfgs import descend
+from evopem.estimation.search.certificate import has_agreed, is_certified
 from evopem.estimation.search.memetic import (
     FIRST_BATCH,
     HOPELESS_PROBABILITY,
@@ -15,7 +16,12 @@ from evopem.estimation.search.memetic import (
     discrete_recombination,
     memetic_search,
 )
-from evopem.estimation.search.problem import SearchDiagnostics, SearchResult, pooled
+from evopem.estimation.search.problem import (
+    SearchDiagnostics,
+    SearchResult,
+    descended,
+    pooled,
+)
 
 
 class Rastrigin:
@@ -183,4 +189,24 @@ def test_two_searches_of_one_problem_are_pooled(better):
         n_multistart=32,
         undiscovered_probability=0.1,
         convergence=((50, 5.0), (100, 3.0), (120, 3.0), (140, best)),
+        determined=False,
     )
+
+
+def test_searches_that_nothing_has_contested_are_no_certificate_together():
+    one = {"n_multistart": 17, "undiscovered_probability": 0.005}
+    searches = [result_of(3.0, (3.0,), 100, ((100, 3.0),), **one) for _ in range(2)]
+    both = pooled(*searches).diagnostics
+    assert has_agreed(both)
+    assert not is_certified(both)
+    found = pooled(searches[0], result_of(3.0, (3.0,), 100, ((100, 3.0),), withstood=True, **one))
+    assert is_certified(found.diagnostics)
+
+
+def test_a_descent_from_a_known_point_confirms_nothing():
+    problem = Rastrigin()
+    ended = descended(problem, np.zeros(3))
+    assert (ended.diagnostics.n_restarts, ended.diagnostics.descents) == (0, 1)
+    both = pooled(ended, result_of(ended.value, (ended.value,), 100, ((100, ended.value),)))
+    assert (both.diagnostics.n_restarts, both.diagnostics.n_confirming) == (1, 0)
+    assert not has_agreed(both.diagnostics)

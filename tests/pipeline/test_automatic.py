@@ -1,6 +1,7 @@
 """The automatic recipe in one process: a record with clipped samples, from file to report."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,12 @@ from scipy.signal import lfilter
 from evopem.automatic.decision import DecisionRecord
 from evopem.automatic.revisions import Revised
 from evopem.config.defaults import complete
-from evopem.errors import InputError
+from evopem.errors import InputError, NoModelError
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 from evopem.pipeline import complete_model
 from evopem.pipeline.identification import identify_dataset, jobs
+from evopem.pipeline.structure_search import errors_name_dataset
 from evopem.results.layout import DatasetFiles
 
 STAGES = (
@@ -35,6 +37,16 @@ def settings_of(file):
         "search": {"evaluations": 500},
     }
     return complete({"datasets": {"pump": keys}}).datasets["pump"]
+
+
+def test_a_record_that_is_too_short_names_its_data_set_and_a_fault_is_none():
+    named = partial(errors_name_dataset, DatasetFiles("results/pump"))
+    with pytest.raises(InputError, match="pump: too short; give a longer recording"), named():
+        raise NoModelError("too short")
+    for fault in (ValueError("shapes differ"), np.linalg.LinAlgError("singular")):
+        with pytest.raises(type(fault), match=f"^{fault}$") as raised, named():
+            raise fault
+        assert raised.value is fault
 
 
 @pytest.fixture(scope="module")

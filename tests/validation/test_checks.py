@@ -144,6 +144,7 @@ def good(real):
         n_confirming=1,
         n_multistart=256,
         undiscovered_probability=0.001,
+        determined=True,
     )
     found = with_phase(
         found, "delay", [armax_orders(3, 3, 3, k) for k in range(4)], armax_orders(3, 3, 3, 1)

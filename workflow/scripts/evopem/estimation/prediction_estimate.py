@@ -11,7 +11,7 @@ import numpy as np
 from evopem.arrays import Array
 from evopem.config.constraints import Constraints
 from evopem.config.settings import SearchSettings
-from evopem.errors import InputError
+from evopem.errors import InputError, NoModelError
 from evopem.estimation.pem.constrained_model import constrained_parameters, equalities
 from evopem.estimation.pem.constrained_parameters import ConstrainedParameters
 from evopem.estimation.pem.covariance import (
@@ -109,8 +109,8 @@ def _searched_globally(
     lowest = known.value if known else share * earlier.value if earlier else np.inf
     target = target and target._replace(value=share * target.value)
     # An earlier search and this one draw independently.
-    before = known or earlier
-    generator = task.generator(*([] if before is None else [before.diagnostics.n_restarts]))
+    before = [d.diagnostics for d in (known or earlier,) if d is not None]
+    generator = task.generator(*(d.n_restarts + d.descents for d in before))
     result = global_search(problem, task.settings, generator, task.log, lowest, target)
     return result if known is None else pooled(known, result)
 
@@ -164,7 +164,7 @@ def weight_of_priors(errors: PolynomialErrors, priors: Priors, residuals: Array)
         return 0.0
     deviation = loss_deviation(residuals, errors.dimension, errors.objective)
     if not np.isfinite(deviation):
-        raise ValueError("no weight of the priors is known: the residuals have no density at 0")
+        raise NoModelError("no weight of the priors is known: the residuals have no density at 0")
     added = deviation**2 if errors.objective == "quadratic" else 0.5 * deviation
     return errors.loss_factor * added
 

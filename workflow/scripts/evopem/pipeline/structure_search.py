@@ -20,7 +20,7 @@ from evopem.automatic.structures import compare_structures
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import AutomaticSettings
 from evopem.config.structures import NESTED
-from evopem.errors import InputError
+from evopem.errors import InputError, NoModelError
 from evopem.estimation.search.problem import Log
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
@@ -69,8 +69,7 @@ class Scored:
 def errors_name_dataset(files: DatasetFiles) -> Iterator[None]:
     """Put the configuration key of a data set before the place that an error names.
 
-    Raises InputError in place of one without the key, and where an estimation raises `ValueError`:
-    it has too few samples for its orders.
+    Raises InputError in place of one without the key, and of NoModelError.
     """
     key = f"datasets.{files.name}"
     try:
@@ -78,7 +77,7 @@ def errors_name_dataset(files: DatasetFiles) -> Iterator[None]:
     except InputError as error:
         place = ".".join(filter(None, (key, error.source, error.place)))
         raise InputError(place, error.problem, error.remedy) from None
-    except ValueError as error:
+    except NoModelError as error:
         remedy = "give a longer recording, or lower the orders"
         raise InputError(key, str(error), remedy) from None
 

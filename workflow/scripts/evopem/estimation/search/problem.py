@@ -73,7 +73,8 @@ class SearchDiagnostics:
     ``n_multistart``: random points descended from.  ``undiscovered_probability``: that another one
     leads to a new optimum; 1 without any.  ``withstood``: whether replacements in the lowest and
     descents from the edge, which follow an agreement, have found nothing lower.  ``determined``:
-    whether the record determines the roots of an optimum that restarts agree on.
+    whether the record determines the roots of an optimum that restarts agree on.  ``descents``:
+    from known points, which are no restarts.
     """
 
     evaluations: int
@@ -86,6 +87,7 @@ class SearchDiagnostics:
     convergence: tuple[tuple[int, float], ...]
     withstood: bool = False
     determined: bool = True
+    descents: int = 0
 
     @classmethod
     def none(cls) -> SearchDiagnostics:
@@ -171,13 +173,14 @@ def descended(problem: Problem, point: Array) -> SearchResult:
     polished = problem.polish(point[None, :])
     value = float(polished.values[0])
     diagnostics = SearchDiagnostics.of_descents(value, polished.evaluations, 1)
+    diagnostics = replace(diagnostics, restart_minima=(), descents=1)
     return SearchResult(polished.points[0], value, diagnostics)
 
 
 def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
     """Combine two searches of one problem that drew independently.  The number of local optima is
     the larger of the two: which of them coincide is not known.  The undiscovered probability is
-    that of the one with more random points."""
+    that of the one with more random points.  Roots are determined where that was found out."""
     best = second if second.value < first.value else first
     earlier, later = first.diagnostics, second.diagnostics
     drawn = max(earlier, later, key=lambda d: (d.n_multistart, d.undiscovered_probability))
@@ -186,6 +189,7 @@ def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
     )
     minima = earlier.restart_minima + later.restart_minima
     alike = [r.diagnostics for r in (first, second) if same_optimum(r.value, best.value)]
+    tested = [of_search for of_search in alike if of_search.withstood]
     diagnostics = SearchDiagnostics(
         evaluations=earlier.evaluations + later.evaluations,
         generations=earlier.generations + later.generations,
@@ -195,8 +199,9 @@ def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
         n_multistart=earlier.n_multistart + later.n_multistart,
         undiscovered_probability=drawn.undiscovered_probability,
         convergence=(*earlier.convergence, *continued),
-        withstood=any(of_search.withstood for of_search in alike),
-        determined=all(of_search.determined for of_search in alike),
+        withstood=bool(tested),
+        determined=bool(tested) and all(of_search.determined for of_search in tested),
+        descents=earlier.descents + later.descents,
     )
     return replace(best, diagnostics=diagnostics, ends=first.ends + second.ends)
 

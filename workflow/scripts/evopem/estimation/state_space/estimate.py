@@ -303,7 +303,7 @@ def meeting(
 ) -> StateSpaceEstimate:
     """The estimate for errors so many samples ahead that meets constraints, which are checked.
 
-    ``free``: that of one step without constraints.  ValueError without a model of finite errors.
+    ``free``: that of one step without constraints.  NoModelError without a model of finite errors.
     """
     problem = EntryProblem(errors, horizon, constraints, settings.objective)
     projection = problem_for(errors, settings).projection(free.search.point)
@@ -317,7 +317,7 @@ def meeting(
         begins += [problem.begun(allowed) for allowed in _allowed(problem, point, settings)]
     optima = [optimum for optimum in map(problem.optimum, begins) if np.isfinite(optimum.value)]
     if not optima:
-        raise ValueError("no model that meets the constraints has finite errors")
+        raise NoModelError("no model that meets the constraints has finite errors")
     lowest = min(optima, key=lambda optimum: optimum.value)
     best = problem.optimum(lowest.point, POLISH_STEPS, POLISH_TOLERANCE)
     *values, value = (

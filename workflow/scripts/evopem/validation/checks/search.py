@@ -95,7 +95,7 @@ def repeatability(evidence: Evidence) -> Found | None:
     measured = STATE_SPACE if evidence.model.orders is None else POLYNOMIALS
     others, confirming = diagnostics.n_restarts - 1, diagnostics.n_confirming
     if others < 1:
-        ended = "The search ended after one restart"
+        ended = f"The search ended after {'one restart' if others == 0 else 'descents'}"
         return None, f"{ended}: no independent restart could confirm its minimum."
     restarts = f"{others} other independent restart{'' if others == 1 else 's'}"
     if is_certified(diagnostics, measured is POLYNOMIALS):
