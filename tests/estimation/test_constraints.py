@@ -285,6 +285,12 @@ def test_constraints_hold_for_every_focus():
         assert found.constraints.objective > found.constraints.objective_without
 
 
+def test_constraints_may_be_numbers_of_numpy():
+    band = (np.int64(1), np.float32(20.0))
+    found = constrained(Constraints(static_gain=np.float32(4.0), frequency_band=band))
+    assert static_gain(found.model) == pytest.approx(4.0, rel=1e-12)
+
+
 def test_the_absolute_objective_takes_constraints():
     found = constrained(Constraints(static_gain=4.0), settings=SearchSettings())
     assert static_gain(found.model) == pytest.approx(4.0, rel=1e-12)
@@ -320,7 +326,11 @@ def test_constraints_have_one_json_form():
         (Constraints(stability="free"), "oe", (2, 2, 1), "poles of F must be stable"),
         (Constraints(max_pole_radius=0.9), "fir", (2, 1), "no plant with poles"),
         (Constraints(max_pole_radius=1.1), "armax", (2, 2, 2, 1), "stability is required"),
-        (Constraints(min_damping_ratio=5.0), "oe", (2, 2, 1), "not a damping ratio"),
+        (Constraints(min_damping_ratio=5.0), "oe", (2, 2, 1), "5 is not below 1; give the least"),
+        (Constraints(max_pole_radius=0.0), "oe", (2, 2, 1), "0 is not above 0; give the largest"),
+        (Constraints(real_poles="some"), "oe", (2, 2, 1), "may have, any, positive or none"),
+        (Constraints(static_gain=np.nan), "oe", (2, 2, 1), "static_gain: nan is not a finite"),
+        (Constraints(priors=(Prior("f1", np.inf, 1.0),)), "oe", (2, 2, 1), "mean: inf is not a"),
         (Constraints(frequency_band=(9.0, 3.0)), "oe", (2, 2, 1), "is no band"),
         (Constraints(frequency_band=(30.0, 40.0)), "oe", (2, 2, 1), "above half the sampling rate"),
         (

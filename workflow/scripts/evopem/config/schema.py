@@ -64,6 +64,7 @@ def normalized(value: Any, source: str, path: Steps = ()) -> Any:
     def refuse(problem: str, remedy: str, place: Steps = path) -> NoReturn:
         raise InputError(source, problem, remedy, key_path(place))
 
+    value = value.tolist() if hasattr(value, "tolist") else value  # of numpy
     if len(path) > MAX_DEPTH:
         problem = f"it is nested more than {MAX_DEPTH} levels deep"
         refuse(problem, "remove what leads back to its own beginning", path[:3])

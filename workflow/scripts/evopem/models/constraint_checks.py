@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from typing import NoReturn
 
 from evopem.config.constraints import (
@@ -12,6 +13,7 @@ from evopem.config.constraints import (
     gains_of_other_inputs,
     of_no_input,
 )
+from evopem.config.schema import checked, normalized
 from evopem.config.structures import samples_ahead
 from evopem.errors import InputError
 from evopem.models.orders import Orders
@@ -19,7 +21,7 @@ from evopem.models.orders import Orders
 Focus = str | int
 GAINS = ("static_gain", "static_gain_bounds")
 LEAVE_OUT, LEAVE_ONE, CHANGE = "leave it out", "leave out one of the two", "change one of the two"
-NUMBER, IN_HZ, RATIO = "give a number", "give a frequency in Hz", "give one from 0 to below 1"
+IN_HZ, RATIO = "give a frequency in Hz", "give one from 0 to below 1"
 
 
 def check_fit(
@@ -54,6 +56,10 @@ def check_constraints(
 
     ``names`` are those of the inputs, by default 1, 2, ... of several.  InputError names the key.
     """
+    from evopem.config.keys import ANALYSIS  # which takes a while, and few models have constraints
+
+    given = {key: value for key, value in asdict(constraints).items() if value is not None}
+    checked(ANALYSIS["constraints"].__origin__, normalized(given, "constraints"), "constraints")
     names = tuple(names) or tuple(str(place + 1) for place in range(orders.inputs))
     refuse(gains_of_other_inputs(constraints, names))
     if orders.inputs > 1:
@@ -63,7 +69,7 @@ def check_constraints(
         refuse(of_no_input(constraints))
     for place, name in enumerate(names or ("",)):
         of_input, path = constraints.of_input(name), orders.of_input(place)
-        _check_words(of_input, path)
+        _check_stability(of_input, path)
         _check_poles(of_input, path, sampling_rate)
         _check_gain(of_input, path)
         _check_coefficients(of_input, path)
@@ -113,15 +119,8 @@ def _fixed(constraints: Constraints) -> int:
     return sum(2 if pole.real is None else 1 for pole in constraints.fixed_poles)
 
 
-def _check_words(constraints: Constraints, orders: Orders) -> None:
-    """Words that are none, poles of a plant without any, and numbers that are not finite."""
-    for key, words in (
-        ("stability", ("required", "free")),
-        ("real_poles", ("any", "positive", "none")),
-    ):
-        if (word := getattr(constraints, key)) not in words:
-            quoted = [f'"{word}"' for word in words]
-            _refuse(key, f"is {word!r}", f"use {', '.join(quoted[:-1])} or {quoted[-1]}")
+def _check_stability(constraints: Constraints, orders: Orders) -> None:
+    """Poles of a plant without any, and unstable ones of F."""
     has_poles = orders.single.nb > 0 and (orders.na > 0 or orders.single.nf > 0)
     for key in (
         *("max_pole_radius", "min_damping_ratio", "frequency_band", "forbidden_bands"),
@@ -133,30 +132,13 @@ def _check_words(constraints: Constraints, orders: Orders) -> None:
         problem = "the poles of F must be stable, because the predictor filters through 1/F"
         remedy = 'use a structure with A, such as "armax", or fix the pole that is not stable'
         _refuse("stability", problem, remedy)
-    numbers = {
-        "max_pole_radius": (constraints.max_pole_radius,),
-        "min_damping_ratio": (constraints.min_damping_ratio,),
-        "static_gain": (constraints.gain_of(),),
-        "frequency_band": constraints.frequency_band or (),
-        "forbidden_bands": tuple(value for band in constraints.forbidden_bands for value in band),
-        "static_gain_bounds": constraints.gain_bounds_of() or (),
-    }
-    fixed = {f"fixed_coefficients.{k}": (x,) for k, x in constraints.fixed_coefficients.items()}
-    for key, values in (numbers | fixed).items():
-        for value in values:
-            if value is not None and not math.isfinite(value):
-                _refuse(key, f"{value} is not a finite number", NUMBER)
 
 
 def _check_poles(constraints: Constraints, orders: Orders, sampling_rate: float) -> None:
-    radius, damping = constraints.max_pole_radius, constraints.min_damping_ratio
-    if radius is not None and radius <= 0.0:
-        _refuse("max_pole_radius", f"{radius} is not positive", "give a radius above 0")
+    radius = constraints.max_pole_radius
     if radius is not None and radius >= 1.0 and constraints.stability == "required":
         problem = f"{radius} allows poles that are not stable, and stability is required"
         _refuse("max_pole_radius", problem, 'give a radius below 1, or set stability to "free"')
-    if damping is not None and not 0.0 <= damping < 1.0:
-        _refuse("min_damping_ratio", f"{damping} is not a damping ratio", RATIO)
     nyquist, band = sampling_rate / 2.0, constraints.frequency_band
     bands = [("frequency_band", band)] if band else []
     for key, (lower, upper) in [
@@ -238,8 +220,6 @@ def _check_fixed_pole(
     frequency, damping = pole.frequency_hz or 0.0, pole.damping_ratio or 0.0
     if pole.real is not None:
         radius = abs(pole.real)
-        if not math.isfinite(radius):
-            _refuse(key, f"{pole.real} is not a finite number", NUMBER)
         if pole.real <= 0.0 and constraints.real_poles == "positive":
             _refuse(key, "real poles must be positive", LEAVE_ONE)
         if constraints.real_poles == "none":
@@ -276,10 +256,8 @@ def _check_prior(
     prior: Prior, key: str, constraints: Constraints, orders: Orders, sampling_rate: float
 ) -> None:
     deviation, quantity, mean = prior.standard_deviation, prior.quantity, prior.mean
-    if not (deviation > 0.0 and math.isfinite(deviation)):
+    if deviation <= 0.0:
         _refuse(key, "its standard deviation is not positive", "give one above 0")
-    if not math.isfinite(mean):
-        _refuse(key, "its mean is not a finite number", NUMBER)
     if [prior.subject for prior in constraints.priors].count(prior.subject) > 1:
         _refuse(key, f"there are two priors of its {quantity}", LEAVE_ONE)
     if quantity == "static_gain":
