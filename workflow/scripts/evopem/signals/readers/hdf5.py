@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from evopem.errors import InputError
 from evopem.signals.readers.numpy_files import RATE_NAMES, StoredArray, contents_of, in_memory
-from evopem.signals.readers.open_file import Contents, Properties, library, refuse_unreadable
+from evopem.signals.readers.open_file import Contents, Properties, library, refusing_damage
 
 _COMPLEX_FIELDS = ("real", "imag")
 
@@ -75,17 +75,12 @@ def opened(path: Path, is_matlab: bool = False) -> Iterator[Contents]:
         if isinstance(item, h5py.Dataset) and not item.attrs.get("MATLAB_empty", 0):
             arrays[name.replace("/", ".")] = _variable(path, item)
 
-    try:
-        with h5py.File(path, "r") as file:
-            attributes.update(_rates_in(file.attrs))
-            file.visititems(collect_variable if is_matlab else collect)
-            kind = "variable" if is_matlab else "dataset"
-            yield contents_of(path, arrays, kind, units, attributes)
-    except InputError:
-        raise
-    except Exception:
-        # h5py meets damage with OSError, RuntimeError, KeyError, TypeError, ValueError …
-        refuse_unreadable(path, "MATLAB 7.3 file" if is_matlab else "HDF5 file")
+    kind = "MATLAB 7.3 file" if is_matlab else "HDF5 file"
+    with refusing_damage(path, kind), h5py.File(path, "r") as file:
+        attributes.update(_rates_in(file.attrs))
+        file.visititems(collect_variable if is_matlab else collect)
+        listed = "variable" if is_matlab else "dataset"
+        yield contents_of(path, arrays, listed, units, attributes)
 
 
 def _rates_in(attributes: Properties, prefix: str = "") -> dict[str, StoredArray]:

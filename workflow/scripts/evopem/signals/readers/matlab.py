@@ -9,7 +9,7 @@ import numpy as np
 
 from evopem.signals.readers import hdf5
 from evopem.signals.readers.numpy_files import StoredArray, contents_of, in_memory
-from evopem.signals.readers.open_file import Contents, refuse_unreadable
+from evopem.signals.readers.open_file import Contents, refusing_damage
 
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _HDF5_OFFSETS = (0, 512)
@@ -31,13 +31,9 @@ def opened(path: Path) -> Iterator[Contents]:
 def _read_level_5(path: Path) -> dict[str, StoredArray]:
     from scipy.io import loadmat
 
-    try:
+    with refusing_damage(path, "MATLAB file"):
         # Not mat_dtype=True: it drops the imaginary part of complex variables without a message.
         content = loadmat(str(path), struct_as_record=True)
-    except Exception:
-        # scipy's parser meets damage with nearly any exception: ValueError, TypeError,
-        # OverflowError, zlib.error, its own MatReadError …
-        refuse_unreadable(path, "MATLAB file")
     variables: dict[str, StoredArray] = {}
     for name, value in content.items():
         # Objects of classes come without a name; scipy's own entries begin with underscores.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.signals.readers.open_file import Channel, Contents, refuse_unreadable
+from evopem.signals.readers.open_file import Channel, Contents, refusing_damage
 
 RATE_NAMES = ("sampling_rate", "sample_rate", "sampling_frequency", "fs")
 """A single number of such a name, in upper or lower case, is a sampling rate."""
@@ -38,12 +38,8 @@ def in_memory(array: NDArray[Any]) -> StoredArray:
 @contextmanager
 def opened(path: Path) -> Iterator[Contents]:
     """An ``.npz`` file, or an ``.npy`` file of columns or of records, without pickled objects."""
-    try:
+    with refusing_damage(path, "numpy file without Python objects"):
         arrays = _arrays(np.load(path, allow_pickle=False))
-    except Exception:
-        # numpy and zipfile meet damage with ValueError, EOFError, BadZipFile, zlib.error,
-        # RuntimeError (encrypted), NotImplementedError (packed in another way), MemoryError …
-        refuse_unreadable(path, "numpy file without Python objects")
     yield contents_of(path, {name: in_memory(array) for name, array in arrays.items()}, "array")
 
 

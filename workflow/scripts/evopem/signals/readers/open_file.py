@@ -2,7 +2,8 @@
 
 import importlib
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
@@ -130,6 +131,17 @@ def library(module: str, path: Path, extra: str = "formats") -> ModuleType:
             f"reading this format needs the package {module.split('.')[0]}, which is not installed"
         )
         raise InputError(str(path), problem, f'run pip install "evopem[{extra}]"') from None
+
+
+@contextmanager
+def refusing_damage(path: Path, kind: str) -> Iterator[None]:
+    """Refuse a file that a library cannot read, with whatever exception it meets the damage."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception:
+        refuse_unreadable(path, kind)
 
 
 def refuse_unreadable(path: Path, kind: str) -> NoReturn:

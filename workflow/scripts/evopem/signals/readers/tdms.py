@@ -12,7 +12,7 @@ from evopem.signals.readers.open_file import (
     Contents,
     Properties,
     library,
-    refuse_unreadable,
+    refusing_damage,
 )
 from evopem.signals.time_units import seconds_of
 
@@ -24,13 +24,10 @@ def opened(path: Path) -> Iterator[Contents]:
     Rate, unit and start come from the properties wf_increment, unit_string and wf_start_time.
     """
     nptdms = library("nptdms", path)
-    try:
+    with refusing_damage(path, "TDMS file"):
         content = nptdms.TdmsFile.read(path)
         stored = [channel for group in content.groups() for channel in group.channels()]
         incomplete = content.file_status.incomplete_final_segment
-    except Exception:
-        # nptdms meets damage with struct.error, ValueError, KeyError, OverflowError …
-        refuse_unreadable(path, "TDMS file")
     if incomplete:
         raise InputError(str(path), "the file breaks off", "copy or export it again")
 

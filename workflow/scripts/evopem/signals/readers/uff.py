@@ -14,7 +14,7 @@ from evopem.signals.readers.open_file import (
     Contents,
     Properties,
     library,
-    refuse_unreadable,
+    refusing_damage,
 )
 from evopem.signals.timestamps import timing
 
@@ -23,6 +23,7 @@ _DIRECTIONS = {1: "X+", -1: "X-", 2: "Y+", -2: "Y-", 3: "Z+", -3: "Z-"}
 _TIME_FUNCTIONS = (0, 1)  # general, or not stated; time response
 _FREQUENCY_AXIS = 18
 _FREQUENCY_RESPONSE, _COHERENCE = 4, 6
+_KIND = "universal file"
 _REMEDY = "choose a time response, or state frequency: abscissa for frequency responses"
 
 
@@ -34,14 +35,14 @@ def opened(path: Path) -> Iterator[Contents]:
     label, or node and direction as in ``12:Z+``.
     """
     file, sets = _functions(path)
-    with _refusing_damage(path):
+    with refusing_damage(path, _KIND):
         names = [_names_of(file.read_sets(index, header_only=True)) for index in sets]
     if not sets:
         remedy = "export the time records as dataset 58"
         raise InputError(str(path), "holds no dataset of type 58", remedy)
 
     def load(index: int) -> Channel:
-        with _refusing_damage(path):
+        with refusing_damage(path, _KIND):
             dataset = file.read_sets(sets[index])
         return _channel(path, dataset, index + 1, names[index][0])
 
@@ -55,7 +56,7 @@ def frequency_functions(path: Path) -> dict[tuple[str, str, bool], tuple[Array, 
     ``12:Z+``, and by whether they are coherences.
     """
     file, sets = _functions(path)
-    with _refusing_damage(path):
+    with refusing_damage(path, _KIND):
         read = [file.read_sets(index) for index in sets]
     functions = {}
     for dataset in read:
@@ -72,20 +73,11 @@ def frequency_functions(path: Path) -> dict[tuple[str, str, bool], tuple[Array, 
     return functions
 
 
-@contextmanager
-def _refusing_damage(path: Path) -> Iterator[None]:
-    """Refuse a file that pyuff cannot read; it raises bare Exception, whatever is wrong."""
-    try:
-        yield
-    except Exception:
-        refuse_unreadable(path, "universal file")
-
-
 def _functions(path: Path) -> tuple[Any, list[int]]:
     """A file as pyuff opens it, and the numbers of its datasets of type 58."""
     pyuff = library("pyuff", path)
     _refuse_broken_off(path)
-    with _refusing_damage(path):
+    with refusing_damage(path, _KIND):
         file = pyuff.UFF(str(path))
         return file, [index for index, kind in enumerate(file.get_set_types()) if kind == 58]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evopem.signals.readers.open_file import Channel, Contents, refuse_unreadable
+from evopem.signals.readers.open_file import Channel, Contents, refusing_damage
 
 
 @contextmanager
@@ -18,14 +18,10 @@ def opened(path: Path) -> Iterator[Contents]:
     """
     from scipy.io import wavfile
 
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", wavfile.WavFileWarning)  # of an end that is missing
-            warnings.filterwarnings("ignore", "Chunk", wavfile.WavFileWarning)
-            rate, values = wavfile.read(path)
-    except Exception:
-        # scipy meets damage with ValueError, struct.error, its own warning …
-        refuse_unreadable(path, "WAV file")
+    with refusing_damage(path, "WAV file"), warnings.catch_warnings():
+        warnings.simplefilter("error", wavfile.WavFileWarning)  # of an end that is missing
+        warnings.filterwarnings("ignore", "Chunk", wavfile.WavFileWarning)
+        rate, values = wavfile.read(path)
     columns = np.asarray(values).reshape(len(values), -1)
 
     def load(index: int) -> Channel:
