@@ -7,7 +7,7 @@ from typing import cast
 from evopem.automatic.chosen_model import estimate_choice, searches_of
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import CommonSettings
-from evopem.automatic.revisions import Revised, act_on_checks
+from evopem.automatic.revisions import act_on_checks
 from evopem.automatic.state_space import weighting_of
 from evopem.automatic.structures import Choice, Comparison, rivals_of
 from evopem.blas_threads import one_blas_thread
@@ -76,24 +76,6 @@ def _record_of(
     ), about
 
 
-def _revised(
-    files: DatasetFiles,
-    comparison: Comparison,
-    scored: Scored,
-    search: SearchSettings,
-    settings: AutomaticSettings,
-    fit: FitSettings,
-    log: Log | None,
-) -> tuple[ModelRecord, Revised]:
-    """The choice for the purpose after revisions until its checks hold or nothing helps."""
-    choice, scorer = comparison.choice(settings.purpose), scored.scorer
-    with errors_name_dataset(files), one_blas_thread():
-        revised = act_on_checks(scorer, choice, comparison.candidates)
-    given = scored, search, settings, fit
-    record, about = _record_of(files, revised.choice, *given, revised.plant_kept, log)
-    return record, replace(revised, search=about)
-
-
 def level_of(level: LevelOfSimulation, data: Recording) -> LevelOfSimulation:
     """The level of other samples: of several recordings each has its own, and so have others."""
     several = len(set(data.segment_recordings)) > 1
@@ -126,8 +108,12 @@ def complete_model(
     else:
         comparison = load(Comparison, files.decision("comparison"))
         scored = Scored.load(files, settings, fits, of_choice=True)
-        record, revised = _revised(files, comparison, scored, search, settings, fit, log)
-        save(revised, files.decision("revisions"))
+        choice = comparison.choice(settings.purpose)
+        with errors_name_dataset(files), one_blas_thread():
+            revised = act_on_checks(scored.scorer, choice, comparison.candidates)
+        chosen = files, revised.choice, scored, search, settings, fit
+        record, about = _record_of(*chosen, revised.plant_kept, log)
+        save(replace(revised, search=about), files.decision("revisions"))
         known = rivals_of(scored.scorer, revised.choice, comparison)
         rivals = [scored.record.in_its_units(candidate.model) for candidate in known]
         modes = with_spread(record.modes, [rival.modes() for rival in rivals])
