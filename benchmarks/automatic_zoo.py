@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.linalg import cho_factor, cho_solve, toeplitz
+from scipy.linalg import block_diag, cho_factor, cho_solve, toeplitz
 from scipy.signal import chirp, lfilter
 
 import evopem
@@ -285,19 +285,20 @@ def arx(u: Array, y: Array, delay: int = 0) -> PolynomialModel:
         bic = np.log(e @ e / len(e)) + len(theta) * np.log(len(e)) / len(e)
         if bic < best:
             a = np.concatenate([[1.0], theta[:n]])
-            best, found = bic, _model(a, theta[n:-1], level=theta[-1])
+            best, found = bic, _model(a, theta[n:-1].reshape(n + 1, -1).T, level=theta[-1])
     return found
 
 
 def subspace(u: Array, y: Array) -> PolynomialModel:
     """A subspace denominator and a numerator by least squares, order by BIC of simulations."""
     best, found = np.inf, None
-    v, z = u - u.mean(), y - y.mean()
+    inputs = u.reshape(len(y), -1).T
+    v, z = u - u.mean(axis=0), y - y.mean()
     for n in range(1, min(13, len(y) // 30)):
         f = np.concatenate([[1.0], subspace_denominator(v, z, n)])
         f[1:] = reflect_into_disc(f[None, 1:], 0.99999)[0]
         columns = np.column_stack(
-            [lfilter(np.eye(n + 1)[i], f, u) for i in range(n + 1)]
+            [lfilter(np.eye(n + 1)[i], f, each) for each in inputs for i in range(n + 1)]
             + [lfilter(np.eye(n)[i], f, np.eye(len(y))[0]) for i in range(n)]
             + [np.ones(len(y))]
         )
@@ -305,37 +306,42 @@ def subspace(u: Array, y: Array) -> PolynomialModel:
         e = y - columns @ theta
         bic = np.log(e @ e / len(e)) + len(theta) * np.log(len(e)) / len(e)
         if np.isfinite(bic) and bic < best:
-            best, found = bic, _model(f, theta[: n + 1], level=theta[-1] * f.sum())
+            of_inputs = theta[: (n + 1) * len(inputs)].reshape(len(inputs), -1)
+            best, found = bic, _model(f, of_inputs, level=theta[-1] * f.sum())
     return found
 
 
 def regularised(u: Array, y: Array) -> PolynomialModel:
-    """A finite impulse response with the TC kernel, its parameters by marginal likelihood."""
-    if not np.ptp(u) > 0.0:  # an input that rests tells the level alone
-        return _model(np.ones(1), np.zeros(1), level=float(y.mean()))
-    n = min(120, len(y) // 4)
-    v, z = u - u.mean(), (y - y.mean())[n:]
-    rows = toeplitz(v[n:], v[n:0:-1])
+    """Finite impulse responses with the TC kernel, its parameters by marginal likelihood, which
+    are those of all inputs in units of their standard deviations."""
+    inputs = u.reshape(len(y), -1).T
+    if not np.ptp(inputs, axis=1).all():  # an input that rests tells the level alone
+        return _model(np.ones(1), np.zeros((len(inputs), 1)), level=float(y.mean()))
+    n, m = min(120, len(y) // 4), len(inputs)
+    scales = inputs.std(axis=1) / inputs[0].std()
+    v, z = (inputs.T - inputs.mean(axis=1)).T / scales[:, None], (y - y.mean())[n:]
+    rows = np.hstack([toeplitz(each[n:], each[n:0:-1]) for each in v])
     variance = max(np.var(z - rows @ np.linalg.lstsq(rows, z, rcond=None)[0]), 1e-9 * np.var(z))
     best, found = np.inf, None
     indices = np.arange(1, n + 1)
     gram = rows.T @ rows
     for decay in (0.6, 0.75, 0.85, 0.92, 0.96, 0.985):
         kernel = decay ** np.maximum.outer(indices, indices)
-        root = np.linalg.cholesky(kernel + 1e-12 * np.eye(n))
-        for size in np.var(z) / np.var(v) * np.logspace(-4, 1, 6):
-            inner = variance / size * np.eye(n) + root.T @ gram @ root
+        root = block_diag(*[np.linalg.cholesky(kernel + 1e-12 * np.eye(n))] * m)
+        for size in np.var(z) / np.var(v[0]) * np.logspace(-4, 1, 6):
+            inner = variance / size * np.eye(n * m) + root.T @ gram @ root
             factor = cho_factor(inner)
             theta = root @ cho_solve(factor, root.T @ (rows.T @ z))
             e = z - rows @ theta
             likelihood = (
                 (z @ e) / variance
                 + 2.0 * np.sum(np.log(np.diag(factor[0])))
-                + n * np.log(size / variance)
+                + n * m * np.log(size / variance)
             )
             if likelihood < best:
-                level = y.mean() - u.mean() * theta.sum()
-                best, found = likelihood, _model(np.ones(1), theta, level=level)
+                of_inputs = theta.reshape(m, n) / scales[:, None]
+                level = y.mean() - inputs.mean(axis=1) @ of_inputs.sum(axis=1)
+                best, found = likelihood, _model(np.ones(1), of_inputs, level=level)
     return found
 
 
@@ -354,8 +360,9 @@ PEERS = (arx, subspace, regularised)
 
 
 def _model(a: Array, b: Array, level: float) -> PolynomialModel:
+    """A model with one row of coefficients of each input."""
     one = np.ones(1)
-    return PolynomialModel(A=a, B=np.asarray(b), C=one, D=one, F=one, nk=0, level=float(level))
+    return PolynomialModel(A=a, B=tuple(b), C=one, D=one, F=one, nk=0, level=float(level))
 
 
 def _error(y: Array, computed: Array) -> float:

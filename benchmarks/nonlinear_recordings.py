@@ -80,8 +80,9 @@ def of_other_half(z, y, half, other, penalty):
 def row_of(record):
     """Errors of linear and nonlinear models, and of linear models of both halves."""
     cut = record.estimation
-    u, y = ((x - x[:cut].mean()) / x[:cut].std() for x in (record.u, record.y))
-    banks = [laguerre(u, np.exp(-1.0 / t)) for t in np.geomspace(1.5, cut / 25, POLES)]
+    u, y = ((x - x[:cut].mean(axis=0)) / x[:cut].std(axis=0) for x in (record.u, record.y))
+    inputs, poles = u.reshape(len(y), -1).T, np.exp(-1.0 / np.geomspace(1.5, cut / 25, POLES))
+    banks = [np.hstack([laguerre(each, pole) for each in inputs]) for pole in poles]
     pairs = [np.hstack([banks[i], banks[j]]) for i in range(POLES) for j in range(i + 1, POLES, 2)]
     first = np.arange(cut // 20, cut)
     train, test = np.split(first, [int(0.7 * len(first))])
