@@ -110,7 +110,7 @@ SILVERBOX_MULTISINE = slice(50_000, 58_000)
 
 
 class Record(NamedTuple):
-    """A recording, with the number of its samples for estimation."""
+    """A recording, its input (N,) or (N, m), with the number of its samples for estimation."""
 
     name: str
     u: np.ndarray

@@ -1,10 +1,10 @@
-"""The latest set of recordings of others for ``public_recordings.py``: sources, readers, splits.
+"""The latest sets of recordings of others for ``public_recordings.py``: sources, readers, splits.
 
 The set ``seventh`` is for one measurement at the end: 12 recordings of other sources than those of
 the sets in ``recordings_of_others.py`` and ``recordings_of_others_later.py``, chosen by plots and
 documents and split before anything was run on any.  They come from public repositories at GitHub,
 by repository (licence of the repository; none: none is stated, and the rights stay with its owner)
-and file:
+and file; a name after "as" is the one that the folder uses:
 
 - mihaozbot/Plate-Heat-Exchanger (MIT; Ozbot et al. 2023): of ``PHE_data/Starcase_up_n_down`` the
   file ``measurement_steps_all_2022_06_16_21_40_PRBS.mat`` (heat exchanger of plates: valve of
@@ -40,17 +40,63 @@ and file:
 - batterysim/equiv-circ-model (MIT): ``cell-cycling-10c-24c-40c.csv`` (cell of a Nissan Leaf that is
   charged, at last by constant voltage, and discharged by constant current: current, voltage, logged
   at intervals that vary and read every five minutes).
+
+The set ``eighth`` is for one measurement at the end: 13 recordings of other sources than those of
+the sets before, three of several inputs, chosen by plots and documents and split before anything
+was run on any:
+
+- leopoldch/vehicle-dynamics-identification (none): ``input_delta1``, ``output_Fy1``,
+  ``input_delta2``, ``output_Fy2`` (car DYNA of the laboratory Heudiasyc that somebody drives:
+  steering angle, lateral force, every fourth sample; two drives);
+- RockyJBL/Tailsitter-hovering-dataset (none): ``manual_altitude_1.mat``, ``manual_altitude_2.mat``
+  of ``dataset`` (hovering tail-sitter with its autopilot that a pilot flies: control of yaw, rate
+  of yaw, both smoothed by a moving average, every fourth sample; two flights);
+- c-howley/acid-base-pH-model (none): of ``sample_data`` the files
+  ``2025.02.24-005_control_pH7_from_basic.csv``, ``2025.02.24-008_control_pH7_from_acidic.csv``
+  (vessel of a course into which acid flows while a relay switches the pump of the base: its speed,
+  pH, logged at intervals that vary and read at 2 Hz; two runs);
+- HydroGeoSines/HydroGeoSines (CC BY-NC-ND): ``death_valley.csv`` of ``tests/data/death_valley``
+  (well BLM-1 by the hour: pressure of the air, gravity of the earth tide as computed, level);
+- TheCasperKnudsen/Master_Thesis_2021_Results_MPC_for_Sanitation_Networks (MIT):
+  ``Rounded_meas_lab_data.mat`` of ``System_Identification/Data`` (sewer of the Smart Water
+  Infrastructures Laboratory at Aalborg, a pipe that ends in a tank whose pump rests while the level
+  is low: flows into the pipe, out of the tank and into the pipe from the side, level of the tank,
+  every fourth sample from 600 s);
+- CEAOD/Data (none): ``Air.csv``, ``PAR.csv`` of ``GH_Tomato/UAzAbenDataKubota`` (greenhouse of
+  tomatoes in Tucson that is heated and cooled under feedback, by ten minutes: temperature outdoors,
+  light, temperature indoors, of which one missing row is interpolated; samples 2000 to 6500);
+- rssalessio/Control-Linear-Vibrations (none): ``data0000.txt``, ``data0001.txt``,
+  ``data0002.txt`` of ``rand_kmed_nomass`` in ``src/Tests/Identification`` as ``cart_0.txt``,
+  ``cart_1.txt``, ``cart_2.txt`` (cart between a motor and a spring at Milan: voltage in steps of
+  random height, place, every second sample; its friction holds it in places);
+- CiganOliviu/brushless-DC-electric-motor-identification (MIT): ``dataset.mat`` (motor without
+  brushes: duty cycle, speed, every second sample; it turns one way, then the other);
+- cellularmitosis/logs (MIT): ``controller.csv`` of ``20180115-tec-calibration/run3``
+  (thermoelectric chamber under PID: power in per cent, temperature, every fourth sample);
+- hahnicity/ventMAP (GPL-3): ``0017_02_55_40_1to1000.csv_test`` of ``ventmap/tests/samples``
+  (patient whom a ventilator PB-840 supports: pressure in the airway, flow);
+- wenlinzhangzwl/Li-ion-battery-equivalent-circuit-parameterization (none; Zhang, Ahmed and Habibi
+  2022): ``HWFET_25degC_0p8.mat`` of ``data`` (cell EVE 280 of iron phosphate in a driving cycle
+  that is repeated: current, voltage, every tenth sample of 50000 to 88300);
+- kobyhuazai/Vibration (none): ``impact_pt8.txt``, ``accel-pt18.txt``, ``impact_pt18.txt``,
+  ``accel-pt8.txt`` (structure that a hammer strikes at one point and whose acceleration is measured
+  at another, then the other way round, of which reciprocity makes one and the same response);
+- ZhelunChen/HILFT-ASHP-DEMO (MIT): ``data.csv`` of ``data/Atlanta/Eff/STD2019`` and of
+  ``data/Atlanta/Eff/Default`` as ``data_STD2019.csv``, ``data_Default.csv`` (heat pump of the
+  National Institute of Standards and Technology by the minute under feedback of a room that its
+  laboratory imitates: power of the outdoor unit, temperature of the air that it supplies, at rest
+  while the fan is off; two days).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from recordings_of_others import CSV, Record, columns_of, content_of, first_samples_of
+from recordings_of_others import CSV, PLAIN, Record, columns_of, content_of, first_samples_of
 
 
 def seventh(folder: Path) -> Iterator[Record]:
@@ -113,5 +159,103 @@ def seventh(folder: Path) -> Iterator[Record]:
             ("heart", lambda: table("2017_02_24_20_56_22.csv", 6, 2, **CSV), 800, 481, 1.0),
             ("held ball", ball, 900, 547, 100.0),
             ("Leaf cell", cell, 1200, 800, 1 / 300),
+        )
+    )
+
+
+def eighth(folder: Path) -> Iterator[Record]:
+    """Recordings for one measurement at the end: 13, of one output; three have several inputs."""
+    table = partial(columns_of, folder)
+
+    def joined(parts: Sequence[list[np.ndarray]]) -> list[np.ndarray]:
+        return [np.concatenate(both) for both in zip(*parts, strict=True)]
+
+    def every(step: int, signals: list[np.ndarray]) -> list[np.ndarray]:
+        return [each[::step] for each in signals]
+
+    def drives() -> list[np.ndarray]:
+        names = [(f"input_delta{k}", f"output_Fy{k}") for k in (1, 2)]
+        return joined([[np.loadtxt(folder / name)[::4] for name in both] for both in names])
+
+    def hovering() -> list[np.ndarray]:
+        logs = [content_of(folder / f"manual_altitude_{k}.mat") for k in (1, 2)]
+        keys = ("actuator_controls", "local_rate")
+        return joined([[log[key][:9000:4, 2] for key in keys] for log in logs])
+
+    def vessel() -> list[np.ndarray]:
+        def read(name: str, samples: int) -> list[np.ndarray]:
+            how = {**CSV, "usecols": (1, 3, 6), "encoding": "latin1"}
+            seconds, *both = np.genfromtxt(folder / f"2025.02.24-00{name}.csv", **how).T
+            at = seconds[0] + 0.5 * np.arange(samples)
+            return [np.interp(at, seconds, each) for each in both]
+
+        parts = (("5_control_pH7_from_basic", 2070), ("8_control_pH7_from_acidic", 1800))
+        return joined([read(*part) for part in parts])
+
+    def well() -> list[np.ndarray]:
+        level, *given = np.genfromtxt(folder / "death_valley.csv", **CSV)[::4, 1:4].T
+        return [np.column_stack(given), level]
+
+    def sewer() -> list[np.ndarray]:
+        content = content_of(folder / "Rounded_meas_lab_data.mat", simplify_cells=True)
+        rows = content["dataStructure"]["data"][:, 1200::4]
+        return [rows[[8, 9, 12]].T, rows[7]]
+
+    def greenhouse() -> list[np.ndarray]:
+        columns = (("Air.csv", 5), ("PAR.csv", 1), ("Air.csv", 1))
+        how = {**CSV, "max_rows": 6500}
+        signals = [np.genfromtxt(folder / name, **how)[2000:, k] for name, k in columns]
+        times = np.arange(4500)
+        known = [np.flatnonzero(np.isfinite(each)) for each in signals]
+        *given, indoors = (
+            np.interp(times, at, each[at]) for at, each in zip(known, signals, strict=True)
+        )
+        return [np.column_stack(given), indoors]
+
+    def cart() -> list[np.ndarray]:
+        first, second, held = (table(f"cart_{k}.txt", 0, 2) for k in range(3))
+        fitted = [each[500:5900:2] for each in joined([first, second])]
+        return joined([fitted, every(2, held)])
+
+    def brushless() -> list[np.ndarray]:
+        signals = content_of(folder / "dataset.mat", simplify_cells=True)["cigan"]["Y"]
+        return [signals[k]["Data"][::2].astype(float) for k in (2, 1)]
+
+    def patient() -> list[np.ndarray]:
+        lines = (folder / "0017_02_55_40_1to1000.csv_test").read_text().splitlines()
+        measured = [line.split(",") for line in lines if not line.startswith("B")][:6000]
+        return list(np.array(measured, dtype=float).T[::-1])
+
+    def cell() -> list[np.ndarray]:
+        measured = content_of(folder / "HWFET_25degC_0p8.mat", simplify_cells=True)["meas"]
+        return [measured[key][50_000:88_300:10] for key in ("Current", "Voltage")]
+
+    def struck() -> list[np.ndarray]:
+        names = [(f"impact_pt{a}.txt", f"accel-pt{b}.txt") for a, b in ((8, 18), (18, 8))]
+        return joined([[np.loadtxt(folder / name)[:2500, 1] for name in both] for both in names])
+
+    def pump() -> list[np.ndarray]:
+        days = [table(f"data_{day}.csv", 2, 5, **CSV) for day in ("STD2019", "Default")]
+        return joined([[each[300:1270] for each in day] for day in days])
+
+    yield from first_samples_of(
+        (
+            ("driven car", drives, 2000, 1663, 25.0),
+            ("tail-sitter", hovering, 2250, 2250, 25.0),
+            ("neutralisation", vessel, 2070, 1800, 2.0),
+            ("well", well, 2700, 1471, 1 / 3600),
+            ("sewer", sewer, 3500, 2200, 0.5),
+            ("greenhouse", greenhouse, 3000, 1500, 1 / 600),
+            ("cart on a spring", cart, 2700, 1100, 100.0),
+            ("brushless motor", brushless, 1900, 2267, 1 / 0.00144),
+            (
+                "Peltier chamber",
+                lambda: every(4, table("controller.csv", 2, 1, **PLAIN)),
+                *(2100, 1900, 1.0),
+            ),
+            ("ventilated patient", patient, 4000, 2000, 50.0),
+            ("EVE cell", cell, 2300, 1530, 1.0),
+            ("reciprocal blows", struck, 2500, 2500, 4000.0),
+            ("air-source heat pump", pump, 970, 970, 1 / 60),
         )
     )
