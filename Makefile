@@ -12,6 +12,8 @@ LONGEST := tests/workflow tests/packaging tests/fletcher_powell tests/estimation
 WORKERS := $(shell echo $$(($$(nproc 2>/dev/null || echo 1) + 1)))
 EXTRAS := --extra workflow --extra slurm --extra control
 UPGRADE ?=
+# A fifth of what is installed is imported: that is compiled then, by jobs beside each other.
+INSTALL := $(BIN)/python -m pip install --quiet --no-compile --require-hashes -r
 # Without stored code each process of the tests would compile all of it.
 unexport PYTHONDONTWRITEBYTECODE
 COMPILE := $(BIN)/uv pip compile pyproject.toml $(EXTRAS) --universal --python-version 3.11 \
@@ -95,13 +97,13 @@ $(BIN)/python:
 		echo "Python's venv module is needed (Debian, Ubuntu: apt install python3-venv)"; exit 1; }
 
 $(VENV)/installed: requirements.lock $(BIN)/python
-	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
+	$(INSTALL) requirements.lock
 	@touch $@
 
 $(VENV)/installed-dev: requirements-dev.lock $(VENV)/installed
-	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-dev.lock
+	$(INSTALL) requirements-dev.lock
 	@touch $@
 
 $(VENV)/installed-docs: requirements-docs.lock $(VENV)/installed-dev
-	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-docs.lock
+	$(INSTALL) requirements-docs.lock
 	@touch $@
