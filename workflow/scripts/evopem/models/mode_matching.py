@@ -14,6 +14,7 @@ from typing import Literal, Self
 
 import numpy as np
 
+from evopem.arrays import Array
 from evopem.models.modes import Mode, assurance
 from evopem.models.polynomial import Model
 
@@ -71,20 +72,22 @@ def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[i
     As many as possible, none further apart than :data:`SAME_MODE`, with the least sum of squared
     distances in the logarithm of frequency.
     """
-    from scipy.optimize import linear_sum_assignment
-
     if not estimates or not references:
         return {}
-    distance = np.abs(
-        np.subtract.outer(
-            [math.log(mode.frequency_hz) for mode in estimates],
-            [math.log(mode.frequency_hz) for mode in references],
-        )
-    )
-    # Pairs that are too far apart all have one large cost, so that none displaces a good pair.
-    limit = math.log(1 + SAME_MODE)
-    rows, columns = linear_sum_assignment(np.where(distance <= limit, distance**2, 1e3))
-    return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if distance[r, c] <= limit}
+    first, second = ([math.log(m.frequency_hz) for m in modes] for modes in (estimates, references))
+    distance = np.abs(np.subtract.outer(first, second))
+    near = distance <= math.log(1 + SAME_MODE)
+    return paired(np.where(near, distance**2, np.inf))
+
+
+def paired(costs: Array) -> dict[int, int]:
+    """The columns of rows, (n, m), each taken once, at the least cost; none of infinite cost."""
+    from scipy.optimize import linear_sum_assignment
+
+    # One large cost for all of these, so that none displaces a good pair.
+    rows, columns = linear_sum_assignment(np.where(np.isfinite(costs), costs, 1e3))
+    pairs = zip(rows.tolist(), columns.tolist(), strict=True)
+    return {row: column for row, column in pairs if np.isfinite(costs[row, column])}
 
 
 def matched_modes(models: Sequence[Sequence[Mode]]) -> list[tuple[Mode | None, ...]]:

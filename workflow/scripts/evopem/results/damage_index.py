@@ -14,7 +14,7 @@ from evopem.config.conditions import Following, following_of
 from evopem.errors import InputError
 from evopem.results.comparison import Dependence
 from evopem.results.fleet import DatasetSummary, Entry
-from evopem.results.followed_modes import FollowedMode, follow_modes, group_of
+from evopem.results.followed_modes import FollowedMode, follow_modes, grouped
 from evopem.validation.damage_index import Distance, Frequencies
 from evopem.validation.level_changes import FEWEST
 
@@ -148,13 +148,9 @@ def damage_table(
     """
     import pandas as pd
 
-    groups: dict[str, list[str]] = {}
-    for name in names:
-        groups.setdefault(group_of(name), []).append(name)
     places = following.order.places if following.order else {}
     rows = []
-    for group, members in groups.items():
-        ordered = sorted(members, key=lambda name: places.get(name, 0.0))
+    for group, ordered in grouped(names, places).items():
         modes = [mode for mode in followed if mode.group == group]
         frequencies = _frequencies(modes, ordered, following)
         for number, name in enumerate(ordered):

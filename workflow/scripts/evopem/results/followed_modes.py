@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evopem.arrays import Array
+from evopem.models.mode_matching import paired
 from evopem.models.modes import Mode, assurance
 from evopem.models.parameter_covariance import NORMAL_95
 from evopem.results.fleet import MODE_COLUMNS, mode_values
@@ -91,6 +92,14 @@ def group_of(name: str) -> str:
     return re.sub(r"\d+$", "", head) or head or name
 
 
+def grouped(names: Iterable[str], places: Mapping[str, float]) -> dict[str, list[str]]:
+    """The names of each structure, by what they begin with, those with places in their order."""
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        groups.setdefault(group_of(name), []).append(name)
+    return {g: sorted(of, key=lambda name: places.get(name, 0.0)) for g, of in groups.items()}
+
+
 def follow_modes(
     recordings: Mapping[str, Sequence[Mode]],
     places: Mapping[str, float] | None = None,
@@ -105,13 +114,8 @@ def follow_modes(
     what the recordings are ordered by.  ``conditions``: what is regressed out, each by recording.
     Returns by group and frequency.
     """
-    groups: dict[str, list[str]] = {}
-    for name in recordings:
-        groups.setdefault(group_of(name), []).append(name)
     tracks = []
-    for group, names in groups.items():
-        if places is not None:
-            names = sorted(names, key=lambda name: places[name])
+    for group, names in grouped(recordings, places or {}).items():
         kept = [
             track
             for track in _tracks([recordings[name] for name in names])
@@ -206,23 +210,15 @@ def _left(values: Array, errors: Array, fitted: Levels | Drift) -> float:
 
 def _tracks(recordings: Sequence[Sequence[Mode]]) -> list[_Track]:
     """Modes paired from recording to recording; one that fits none begins a new track."""
-    from scipy.optimize import linear_sum_assignment
-
     tracks: list[_Track] = []
     for place, modes in enumerate(recordings):
         usable = [mode for mode in modes if 0.0 < mode.frequency_se_hz < math.inf]
-        paired: set[int] = set()
-        if tracks and usable:
-            distances = np.array([[_distance(track, mode) for track in tracks] for mode in usable])
-            # Pairs that are too far apart all have one large cost, so that none displaces another.
-            rows, columns = linear_sum_assignment(np.where(distances <= 1.0, distances, 1e3))
-            for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
-                if distances[row, column] <= 1.0:
-                    tracks[column].append((place, usable[row]))
-                    paired.add(row)
+        distances = np.array([[_distance(track, mode) for track in tracks] for mode in usable])
+        known = paired(np.where(distances <= 1.0, distances, np.inf)) if distances.size else {}
         for index, mode in enumerate(usable):
-            if index not in paired:
-                tracks.append([(place, mode)])
+            if index not in known:
+                tracks.append([])
+            tracks[known.get(index, -1)].append((place, mode))
     return tracks
 
 
