@@ -230,6 +230,17 @@ def test_orders_of_the_noise_are_refined_by_likelihood(seed):
     assert chosen.orders == Orders(nb=1, nc=1, nd=1, nf=1, nk=1)
 
 
+def test_the_length_of_a_finite_response_beside_a_noise_model_is_refined():
+    u, e = np.random.default_rng(1).standard_normal((2, 400))
+    y = lfilter([0.0, 1.0, -0.7, 0.5], [1.0], u) + 0.3 * lfilter([1.0, 0.8], [1.0], e)
+    stretches = [Segment(u, y)]
+    scorer = Scorer(stretches, decide_folds(stretches), CommonSettings(), delays=(1,))
+    start = scorer.candidate("bj", Orders(nb=4, nc=2, nk=1), scored=False)
+    refined = min(refine_orders(scorer, start, candidates.BIC), key=candidates.BIC)
+    assert refined.structure == "bj"
+    assert refined.orders == Orders(nb=3, nc=1, nk=1)
+
+
 def test_a_plant_is_estimated_again_from_a_likelier_model_with_noise():
     """Its own search may have ended at another optimum."""
     u, y, _ = output_error_record(300)

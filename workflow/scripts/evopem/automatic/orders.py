@@ -246,7 +246,7 @@ def refine_orders(scorer: Scorer, start: Candidate, score: Score) -> list[Candid
     best, tried, work = start, [start], 0
     for _ in range(ROUNDS):
         for orders in _neighbours(best.orders):
-            if orders.structure != best.orders.structure or work >= MOST_WORK:
+            if work >= MOST_WORK:
                 continue
             work += scorer.samples * orders.parameters
             given = best.structure, orders, [_polynomials(best)]
