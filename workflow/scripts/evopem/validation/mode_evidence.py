@@ -345,7 +345,7 @@ def doubts(
             f"has a damping ratio of {100 * mode.damping_ratio:.0f} %: without an input that is as"
             " likely the colour of the force"
         )
-    if decay <= NO_DECAY:
+    if decay <= NO_DECAY * (not clear):
         reasons.append("does not decay")
     elif decay * samples < 1.0 and not (evidence.reached and is_clear(mode, evidence.input_test)):
         reasons.append("hardly decays within the record")
