@@ -1,7 +1,5 @@
 """Refuse keys and values that cannot be, in one sentence; bring the others into one form."""
 
-from __future__ import annotations
-
 import difflib
 import json
 import math

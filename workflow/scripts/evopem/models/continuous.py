@@ -1,7 +1,5 @@
 """Continuous-time models: state space in s, transfer functions, and what process engineers read."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple, Self
 

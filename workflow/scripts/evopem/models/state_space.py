@@ -1,7 +1,5 @@
 """The state-space model in innovations form, several inputs and outputs, as plain data."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, Self

@@ -1,7 +1,5 @@
 """What is known of a model of frequency responses: errors, modes to trust, and its checks."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any

@@ -4,8 +4,6 @@ A mode is a group of poles of several orders that agree; its numbers are those o
 chosen order or, where that one does not have it, of the model of lowest BIC that has it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

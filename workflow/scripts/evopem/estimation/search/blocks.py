@@ -1,7 +1,5 @@
 """The search of a long record: on blocks of it, and descents on the whole from what it finds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

@@ -1,8 +1,6 @@
 """When a search is certified to have found the lowest value, and how often that is wrong.  The
 rates are measured: searches of random problems against ten times the evaluations."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

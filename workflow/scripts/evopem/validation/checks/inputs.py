@@ -1,7 +1,5 @@
 """Checks of the channels: saturation, excitation, and whether the outputs respond to the inputs."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Checks of the residuals, errors and spectral peaks of each output."""
 
-from __future__ import annotations
-
 import math
 
 from scipy.special import ndtri

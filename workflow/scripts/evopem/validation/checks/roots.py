@@ -1,7 +1,5 @@
 """Checks of the roots of the polynomials."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from evopem.arrays import Array, Complex

@@ -1,7 +1,5 @@
 """Checks of the order search and of the search for the parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from evopem.config.structures import REGULARISED, varied_order
