@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from evopem.estimation import impulse_response
 from evopem.estimation.delays import delays_by_criterion, estimate_delays, longest_delay
 from evopem.signals.recording import Recording, Segment
 
@@ -123,3 +124,22 @@ def test_long_recordings_are_taken_in_parts():
     generator = np.random.default_rng(7)
     u = generator.standard_normal(20_000)
     assert estimate_delays(measured(u, response(u, 33), generator), 40) == (33,)
+
+
+def test_only_delays_beside_near_ones_are_compared_one_by_one(monkeypatch):
+    u, e = np.random.default_rng(0).standard_normal((2, 1500))
+    y = lfilter([0.0] * 20 + [1.0], [1.0, -0.7], u) + 0.3 * e
+    rows, made = np.arange(310, 1500), []
+    past = np.column_stack([y[rows - k] for k in range(1, 41)])
+    lagged = np.column_stack([u[rows - k] for k in range(301)])
+    evidence = impulse_response.Evidence
+    monkeypatch.setattr(
+        impulse_response, "Evidence", lambda *given: made.append(given) or evidence(*given)
+    )
+    found = impulse_response.delay_evidence(past, lagged, y[rows], len(rows), range(201))
+    assert np.argmin(found) == 20
+    assert len(made) < 60
+    monkeypatch.setattr(impulse_response, "FAR", np.inf)
+    every = impulse_response.delay_evidence(past, lagged, y[rows], len(rows), range(201))
+    near = every < every.min() + 50.0
+    assert np.array_equal(found[near], every[near])

@@ -8,6 +8,7 @@ decomposition of the regressors (Chen & Ljung 2013).
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -41,8 +42,9 @@ SPOILT = 1e12
 # Past outputs and lags of the input in a predictor of which a delay is judged.
 PAST, LAGS = 40, 100
 # Hyper-parameters are searched for delays so far apart.  Those between take over the likelier ones
-# of both, and search where that comes so near to the lowest value, as twice a logarithm.
-APART, NEAR = 16, 10.0
+# of both, and search where that comes so near to the lowest value, as twice a logarithm; where both
+# are so far from it, they are far as well.
+APART, NEAR, FAR = 16, 10.0, 100.0
 
 
 def tuned_correlated(h: Array, n: int) -> tuple[Array, list[Array]]:
@@ -333,13 +335,16 @@ def delay_evidence(past: Array, lagged: Array, target: Array, samples: int, dela
     size = float(np.linalg.norm(target))
     if size == 0.0:
         return np.zeros(len(delays))
-    past, lagged, evidences = _of_unit_length(past), _of_unit_length(lagged), []
-    for delay in delays:
-        columns = past, lagged[:, delay : delay + LAGS], target[:, None] / size
+    past, lagged = _of_unit_length(past), _of_unit_length(lagged)
+
+    @cache
+    def evidence(place: int) -> Evidence:
+        first = delays[place]
+        columns = past, lagged[:, first : first + LAGS], target[:, None] / size
         r: Array = np.asarray(np.linalg.qr(np.hstack(columns), mode="r"))
-        blocks = r[:, : past.shape[1]], r[:, past.shape[1] : -1]
-        evidences.append(Evidence(blocks, r[:, -1], samples))
-    return _lowest_values(evidences) + 2.0 * samples * np.log(size)
+        return Evidence((r[:, : past.shape[1]], r[:, past.shape[1] : -1]), r[:, -1], samples)
+
+    return _lowest_values(evidence, len(delays)) + 2.0 * samples * np.log(size)
 
 
 def _of_unit_length(columns: Array) -> Array:
@@ -348,20 +353,26 @@ def _of_unit_length(columns: Array) -> Array:
     return columns / (length or 1.0)
 
 
-def _lowest_values(evidences: Sequence[Evidence]) -> Array:
+def _lowest_values(evidence: Callable[[int], Evidence], count: int) -> Array:
     """The lowest value of each of them, where it comes near to the lowest of all."""
-    values, searched = np.full(len(evidences), np.inf), dict[int, Array]()
+    values, searched = np.full(count, np.inf), dict[int, Array]()
 
     def search(k: int, starts: Sequence[Array]) -> None:
-        value, hyper = evidences[k].descended(tuned_correlated, starts)
+        value, hyper = evidence(k).descended(tuned_correlated, starts)
         values[k], searched[k] = min(value, values[k]), hyper.reshape(2, -1)
 
-    ends = [*range(0, len(evidences) - 1, APART), len(evidences) - 1]
+    ends = [*range(0, count - 1, APART), count - 1]
     for k in ends:
-        search(k, [*evidences[k].starts(), *list(searched.values())[-1:]])
-    for k, evidence in enumerate(evidences):
-        for end in (end for end in ends if abs(end - k) < APART):
-            values[k] = min(evidence.value(tuned_correlated, searched[end].ravel()), values[k])
+        search(k, [*evidence(k).starts(), *list(searched.values())[-1:]])
+    hopeless = values.min() + FAR
+    for k in range(count):
+        around = [end for end in ends if abs(end - k) < APART]
+        known = min(values[around])
+        if known < hopeless:
+            known = min(
+                evidence(k).value(tuned_correlated, searched[end].ravel()) for end in around
+            )
+        values[k] = min(known, values[k])
     while True:
         near = [k for k in np.argsort(values).tolist() if values[k] < values.min() + NEAR]
         waiting = [k for k in near if k not in searched]
