@@ -266,6 +266,21 @@ def test_folds_that_a_model_does_not_lead_to_are_estimated_anew(monkeypatch):
     assert scorer.scored(found).scores.simulation == pytest.approx(expected, rel=0.02)
 
 
+@pytest.mark.parametrize(
+    ("noise", "given", "is_searched"), [(0.0, None, False), (0.9, None, True), (0.0, (1, 2), True)]
+)
+def test_states_are_searched_where_polynomials_leave_something(noise, given, is_searched):
+    """Residuals that are coloured, of polynomials without a noise model; or what is asked for."""
+    u, e = np.random.default_rng(0).standard_normal((2, 400))
+    y = lfilter([0.0, 1.0], [1.0, -0.8], u) + 0.1 * lfilter([1.0], [1.0, -noise], e)
+    limits = OrderLimits(ranges=OrderRanges(nx=given))
+    scorer = Scorer([Segment(u, y)], decide_folds([Segment(u, y)]), CommonSettings(), limits, (1,))
+    search = search_structure(scorer, "ss", {"oe": search_structure(scorer, "oe", {})})
+    assert bool(search.candidates) == is_searched
+    assert is_searched == ("leaves nothing" not in search.decision.sentence)
+    assert not search.too_short
+
+
 def test_state_space_competes_with_polynomials_by_the_same_scores():
     u, y, _ = output_error_record(800)
     stretches = [Segment(u, y)]

@@ -32,6 +32,8 @@ from evopem.models.orders import PER_INPUT, Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Segment
+from evopem.validation.checks.inputs import EXCITATION_ADEQUATE
+from evopem.validation.held_out_tests import SIGNIFICANCE
 
 # Orders tried one after the other, as long as one of the last PATIENCE has brought something.
 PATH = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, LARGEST_ORDER)
@@ -78,7 +80,9 @@ def search_structure(
                 c for path in paths for c in _along_path(scorer, structure, smaller, path, log)
             ]
         else:
-            candidates = _by_states(scorer, structure, smaller, log)
+            known = [c for search in smaller.values() for c in search.candidates]
+            problem = _needless(scorer, known)
+            candidates = [] if problem else _by_states(scorer, structure, known, log)
     except (NoModelError, np.linalg.LinAlgError) as error:
         candidates, problem = [], f"Its search failed: {error}."
     nothing = not candidates and not problem
@@ -130,8 +134,21 @@ def _along_path(
     return candidates
 
 
+def _needless(scorer: Scorer, known: Sequence[Candidate]) -> str:
+    """Why no states are searched: the likeliest polynomials of one input lack nothing that the
+    states of the same orders could have."""
+    polynomials = [c for c in known if c.polynomials is not None and c.orders.inputs == 1]
+    if not polynomials or scorer.limits.ranges.nx is not None:
+        return ""
+    likeliest = min(polynomials, key=BIC)
+    checks = scorer.checks(likeliest)
+    if checks.whiteness < SIGNIFICANCE or not {EXCITATION_ADEQUATE}.issuperset(checks.failed):
+        return ""
+    return f"Not searched: {likeliest.name}, the likeliest of the polynomials, leaves nothing."
+
+
 def _by_states(
-    scorer: Scorer, structure: str, smaller: Mapping[str, StructureSearch], log: Log | None
+    scorer: Scorer, structure: str, known: Sequence[Candidate], log: Log | None
 ) -> list[Candidate]:
     """Candidates in state space until their BIC rises. Of many states in output-error form also
     where that of simulations has not fallen for long: coloured errors lower the BIC with every
@@ -140,7 +157,6 @@ def _by_states(
     if not states:
         return []
     given = scorer.stretches, structure, states, scorer.delays, scorer.settings
-    known = chain(*(search.candidates for search in smaller.values()))
     starts = {c.order: c.model for c in known if isinstance(c.model, StateSpaceModel)}
     candidates: list[Candidate] = []
     for order, fitted in fits_in_state_space(*given, starts, log):

@@ -35,8 +35,9 @@ WITHOUT_POLES = ("fir", *REGULARISED)
 PHASES = ("delay", "plant", "nc", "nd", "na", "nb")
 """Every phase of an order search, in their order: each takes its predecessor's selection."""
 
-# What the automatic recipe searches, each with those whose optima serve as starts: structures of
-# polynomials, and forms in state space, which differ in the noise and the drift.
+# What the automatic recipe searches, each with those whose optima serve as starts, or tell whether
+# it is needed: structures of polynomials, and forms in state space, which differ in the noise and
+# the drift.
 NESTED: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "fir": (),
@@ -47,7 +48,7 @@ NESTED: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "ararx": ("arx",),
         "ararmax": ("armax",),
         "bj": ("armax", "oe"),
-        "ss": (),
+        "ss": ("fir", "impulse", "arx", "armax", "oe", "ararx", "ararmax", "bj"),
         "ss_oe": ("ss",),
         "ss_oe_drift": ("ss_oe",),
         "ss_bj": ("ss_oe",),
