@@ -24,11 +24,11 @@ from evopem.automatic.fit import ArxFit, likeliest_arx
 from evopem.automatic.state_space import fits_in_state_space, from_likeliest
 from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges
-from evopem.config.structures import OF_SIMULATION, ORDER_NAMES, REGULARISED, is_polynomial
+from evopem.config.structures import OF_SIMULATION, REGULARISED, is_polynomial
 from evopem.errors import NoModelError
 from evopem.estimation.delays import ORDERS, SHORT_DELAY, likely_delays, longest_delay
 from evopem.estimation.search.problem import Log
-from evopem.models.orders import PER_INPUT, Orders
+from evopem.models.orders import Orders, changed, neighbours
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Segment
@@ -261,7 +261,7 @@ def refine_orders(scorer: Scorer, start: Candidate, score: Score) -> list[Candid
     """
     best, tried, work = start, [start], 0
     for _ in range(ROUNDS):
-        for orders in _neighbours(best.orders):
+        for orders in neighbours(best.orders):
             if work >= MOST_WORK:
                 continue
             work += scorer.samples * orders.parameters
@@ -281,36 +281,6 @@ def with_white_noise(scorer: Scorer, start: Candidate) -> Candidate | None:
     """The plant of a model alone; its own search may have ended at another optimum."""
     o = changed(start.orders, nc=-start.orders.nc, nd=-start.orders.nd)
     return scorer.candidate(o.structure, o, [_polynomials(start)], own_starts=False, again=True)
-
-
-def _neighbours(o: Orders) -> list[Orders]:
-    """Orders of which one, or B and the delay of one input, are a little larger or smaller."""
-    neighbours = []
-    for place, (nb, nk) in enumerate(zip(o.nb, o.nk, strict=True)):
-        changes = [{"nb": 1}, {"nb": 3}, {"nk": 1}]
-        changes += [{"nb": -1}, {"nk": 1, "nb": -1}] if nb > 1 else []
-        changes += [{"nk": -1, "nb": 1}, {"nk": -1}] if nk > 0 else []
-        # Inputs that begin with the same orders may need fewer poles and zeros, each its own.
-        surplus = o.inputs > 1 and min(nb, o.nf[place]) > 1
-        changes += [{"nf": -1, "nb": -1}] if surplus else []
-        neighbours += [changed(o, place, **change) for change in changes]
-    for place, name in [(0, "na"), (0, "nc"), (0, "nd"), *((i, "nf") for i in range(o.inputs))]:
-        order = o.nf[place] if name == "nf" else getattr(o, name)
-        neighbours += [changed(o, place, **{name: 1})] if order else []
-        neighbours += [changed(o, place, **{name: -1})] if order > 1 else []
-    return neighbours
-
-
-def changed(orders: Orders, place: int | None = None, **differences: int) -> Orders:
-    """Larger or smaller orders, of one input or of all, of the smallest structure that has them."""
-    given: dict[str, Any] = {name: getattr(orders, name) for name in ORDER_NAMES}
-    for name, difference in differences.items():
-        given[name] = (
-            tuple(n + difference * (place in (None, i)) for i, n in enumerate(given[name]))
-            if name in PER_INPUT
-            else given[name] + difference
-        )
-    return Orders(**given)
 
 
 # Alternatives of each input that are recorded.

@@ -9,12 +9,11 @@ import numpy as np
 from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.cross_validation.simulation import simulated
 from evopem.automatic.fit import fit, log_loss
-from evopem.automatic.orders import changed
 from evopem.automatic.state_space import fits_in_state_space
 from evopem.config.channels import of_each
 from evopem.config.structures import OF_SIMULATION
 from evopem.errors import NoModelError
-from evopem.models.orders import Orders
+from evopem.models.orders import Orders, changed
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment, total_samples
 from evopem.validation.checks.inputs import EXCITATION_ADEQUATE

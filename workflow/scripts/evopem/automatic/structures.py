@@ -32,10 +32,11 @@ from evopem.automatic.fold_errors import (
     score_of,
     simplest,
 )
-from evopem.automatic.orders import WEAK, changed, refine_orders
+from evopem.automatic.orders import WEAK, refine_orders
 from evopem.automatic.preparation.disturbance import follow_input
 from evopem.config.settings import Purpose
 from evopem.errors import NoModelError
+from evopem.models.orders import changed
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
 from evopem.validation.checks.roots import INSIDE_BOUND
 

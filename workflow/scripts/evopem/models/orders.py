@@ -260,3 +260,33 @@ def orders_in_state_space(structure: str, orders: Any) -> dict[str, Any]:
             f" inputs, and not {orders!r}"
         )
     return dict(orders)
+
+
+def neighbours(o: Orders) -> list[Orders]:
+    """Orders of which one, or B and the delay of one input, are a little larger or smaller."""
+    near = []
+    for place, (nb, nk) in enumerate(zip(o.nb, o.nk, strict=True)):
+        changes = [{"nb": 1}, {"nb": 3}, {"nk": 1}]
+        changes += [{"nb": -1}, {"nk": 1, "nb": -1}] if nb > 1 else []
+        changes += [{"nk": -1, "nb": 1}, {"nk": -1}] if nk > 0 else []
+        # Inputs that begin with the same orders may need fewer poles and zeros, each its own.
+        surplus = o.inputs > 1 and min(nb, o.nf[place]) > 1
+        changes += [{"nf": -1, "nb": -1}] if surplus else []
+        near += [changed(o, place, **change) for change in changes]
+    for place, name in [(0, "na"), (0, "nc"), (0, "nd"), *((i, "nf") for i in range(o.inputs))]:
+        order = o.nf[place] if name == "nf" else getattr(o, name)
+        near += [changed(o, place, **{name: 1})] if order else []
+        near += [changed(o, place, **{name: -1})] if order > 1 else []
+    return near
+
+
+def changed(orders: Orders, place: int | None = None, **differences: int) -> Orders:
+    """Larger or smaller orders, of one input or of all, of the smallest structure that has them."""
+    given: dict[str, Any] = {name: getattr(orders, name) for name in ORDER_NAMES}
+    for name, difference in differences.items():
+        given[name] = (
+            tuple(n + difference * (place in (None, i)) for i, n in enumerate(given[name]))
+            if name in PER_INPUT
+            else given[name] + difference
+        )
+    return Orders(**given)
