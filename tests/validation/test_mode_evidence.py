@@ -241,19 +241,21 @@ def test_a_mode_forty_decibels_below_the_output_or_slower_than_the_record_is_not
 
 
 @pytest.mark.parametrize(
-    ("statistic", "recurrence", "confirmed", "doubted"),
+    ("statistic", "recurrence", "confirmed", "doubted", "coefficient"),
     [
-        *((9.9, 0.5, True, 1), (10.0, 0.5, True, 0), (np.nan, 0.5, True, 1)),
-        *((9.9, 1.0, False, 1), (10.0, 1.0, False, 0), (10.0, 0.5, False, 2)),
+        *((9.9, 0.5, True, 1, 1.0), (10.0, 0.5, True, 0, 1.0), (np.nan, 0.5, True, 1, np.nan)),
+        *((9.9, 1.0, False, 1, 1.0), (10.0, 1.0, False, 0, 1.0), (10.0, 0.5, False, 2, 1.0)),
+        # Its response to the input is not of the size that the model gives it.
+        *((14.5, 1.0, False, 1, 0.11), (14.5, 0.5, True, 1, 2.0), (14.5, 1.0, False, 0, 1.26)),
     ],
 )
 def test_a_mode_that_the_input_drives_clearly_needs_few_other_orders(
-    statistic, recurrence, confirmed, doubted
+    statistic, recurrence, confirmed, doubted, coefficient
 ):
     (judged,) = table_of_models(
         [OrderModel.of(2, 0.0, PolynomialModel(np.ones(1), np.ones(1), F=factor(OF_INPUT)))], 2
     ).modes
-    test = replace(judged.input_test, statistic=statistic)
+    test = replace(judged.input_test, statistic=statistic, coefficient=coefficient)
     alone = replace(judged, input_test=test, recurrence=recurrence, compared=4, confirmed=confirmed)
 
     def said_of(evidence):

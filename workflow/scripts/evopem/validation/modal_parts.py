@@ -40,8 +40,8 @@ HALF = 0.5
 KNOWN_DAMPING = 3.0
 # Student's t of its response to the inputs from which such a mode may outlast the record, whatever
 # its damping: in 450 records with tones and drifts that the rule was not made with, 10 true modes
-# and 2 tones of 590 trusted modes.
-CLEAR_RESPONSE = 10.0
+# and 2 tones of 590 trusted modes.  Then: its least coefficient; the largest is the inverse.
+CLEAR_RESPONSE, RIGHT_SIZE = 10.0, 0.75
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +87,7 @@ class ModalParts:
 
     def of_noise(self, index: int) -> HeldOutContribution:
         """What a mode adds to the prediction, beside the others and the simulation."""
-        rest = self.outputs - self.innovations - self.simulated
-        rest = rest - sum(self.by_noise, np.zeros_like(self.outputs))
+        rest = self.outputs - self.innovations - self.simulated - sum(self.by_noise)
         return self._beside(self.by_noise, index, rest, self.simulated)
 
     def power_share(self, index: int) -> float:
@@ -212,10 +211,9 @@ def keeps_half(model: Model, mode: Mode) -> bool:
     return damping >= KNOWN_DAMPING * error and math.exp(-2.0 * pole_count(model) * decay) >= HALF
 
 
-def is_clear(mode: Mode, of_input: HeldOutTest) -> bool:
-    """Whether a mode that inputs reach is hardly a tone or drift, and may outlast the record."""
-    known = mode.damping_ratio >= KNOWN_DAMPING * mode.damping_se
-    return known or of_input.statistic >= CLEAR_RESPONSE
+def is_driven_clearly(test: HeldOutTest) -> bool:
+    """Whether inputs drive a mode clearly, and about as much as its model says."""
+    return test.statistic >= CLEAR_RESPONSE and RIGHT_SIZE <= test.coefficient <= 1.0 / RIGHT_SIZE
 
 
 def is_short(model: Model, modes: Sequence[Mode]) -> bool:

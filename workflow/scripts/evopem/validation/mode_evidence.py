@@ -27,10 +27,10 @@ from evopem.models.response_tables import Column, shaped_modes_table
 from evopem.signals.recording import Recording
 from evopem.validation.held_out_tests import NO_TEST, SIGNIFICANCE, HeldOutTest
 from evopem.validation.modal_parts import (
-    CLEAR_RESPONSE,
+    KNOWN_DAMPING,
     ModeTests,
     held_out_mode_tests,
-    is_clear,
+    is_driven_clearly,
     is_short,
     keeps_half,
     outlasting_test,
@@ -220,7 +220,7 @@ def table_of_models(
     for row in trusted:
         # Only trusted modes vouch for others, and none for one that is not driven clearly.
         beside = [neighbour.mode for neighbour in trusted if row.order in neighbour.orders]
-        clear = not row.has_input or row.input_test.statistic >= CLEAR_RESPONSE
+        clear = not row.has_input or is_driven_clearly(row.input_test)
         if is_short(by_order[row.order].model, beside if clear else [row.mode]):
             judged[judged.index(row)] = replace(row, doubts=(FINITE,))
     rows = _with_pairs(judged, by_order, row_of)
@@ -331,21 +331,22 @@ def doubts(
     response may be a finite one, which has no modes.
     """
     mode, reasons = evidence.mode, []
-    clear = evidence.input_test.statistic >= CLEAR_RESPONSE and not evidence.elsewhere
+    driven = is_driven_clearly(evidence.input_test)
+    clear = driven and not evidence.elsewhere
     clear &= evidence.confirmed or evidence.stable is not False
+    lasts = driven or mode.damping_ratio >= KNOWN_DAMPING * mode.damping_se
     decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
+    colour = COLOUR_OF_FORCES if shape_doubt(mode) else COLOUR_OF_FORCE
     if mode.damping_ratio > STRONG_DAMPING or mode.frequency_hz > sampling_rate / 2:
         reasons.append("decays too fast to be a resonance")
-    elif not evidence.has_input and mode.damping_ratio > (
-        COLOUR_OF_FORCES if shape_doubt(mode) else COLOUR_OF_FORCE
-    ):
+    elif not evidence.has_input and mode.damping_ratio > colour:
         reasons.append(
             f"has a damping ratio of {100 * mode.damping_ratio:.0f} %: without an input that is as"
             " likely the colour of the force"
         )
     if decay <= NO_DECAY * (not clear):
         reasons.append("does not decay")
-    elif decay * samples < 1.0 and not (evidence.reached and is_clear(mode, evidence.input_test)):
+    elif decay * samples < 1.0 and not (evidence.reached and lasts):
         reasons.append("hardly decays within the record")
     if finite:
         reasons.append(FINITE)
@@ -364,11 +365,10 @@ def doubts(
         others = len(evidence.orders) - 1 - of_them
         few = f"only {of_them}" if of_them else "none"
         sharing = f"{few} of the {evidence.compared} other orders with enough poles share"
-        alone = "the only other order with enough poles does not share"
+        if evidence.compared == 1:
+            sharing = "the only other order with enough poles does not share"
         more = f", and {others} with fewer do" if others > 0 else ""
-        reasons.append(
-            f"{alone if evidence.compared == 1 else sharing} its frequency and damping{more}"
-        )
+        reasons.append(f"{sharing} its frequency and damping{more}")
     if not (evidence.confirmed or clear):
         reasons.append(
             f"is not in all of the last orders, up to {PERSISTENT_ORDERS}; there is no larger one"
