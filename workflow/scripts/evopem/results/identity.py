@@ -95,7 +95,7 @@ def mark_replaced_recordings(datasets: Mapping[str, DatasetSettings]) -> list[st
     """
     replaced = []
     for path, recording, info in _read_files(datasets):
-        origin = _origin(path, info)
+        origin = origins(info).get(str(Path(path)), {})
         try:
             is_other = _was_touched(path, info) or origin.get("bytes") != Path(path).stat().st_size
             is_replaced = origin and is_other and sha256_of_file(path) != origin.get("sha256")
@@ -109,7 +109,7 @@ def mark_replaced_recordings(datasets: Mapping[str, DatasetSettings]) -> list[st
 
 def was_read_from(path: str, info: str) -> bool:
     """Whether a recording was read from this path, as its ``recording.json`` tells."""
-    return bool(_origin(path, info))
+    return str(Path(path)) in origins(info)
 
 
 def _read_files(datasets: Mapping[str, DatasetSettings]) -> Iterator[tuple[str, str, str]]:
@@ -128,12 +128,11 @@ def _was_touched(path: str, info: str) -> bool:
     return max(link.st_ctime_ns, file.st_ctime_ns) > Path(info).stat().st_mtime_ns
 
 
-def _origin(path: str, info: str) -> Mapping[str, Any]:
-    """What is known of a file that was read; empty where it was not, or ``info`` is damaged."""
+def origins(info: str) -> dict[str, Mapping[str, Any]]:
+    """What is known of the files that were read, by path; empty where ``info`` is damaged."""
     try:
         content = json.loads(Path(info).read_text(encoding="utf-8"))
-        origins = map(dict, content["files"])
-        return next((origin for origin in origins if origin.get("path") == str(Path(path))), {})
+        return {origin["path"]: origin for origin in map(dict, content["files"])}
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 

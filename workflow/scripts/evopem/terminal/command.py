@@ -1,7 +1,6 @@
 """The command ``evopem``: one system from the terminal, or a configuration for many."""
 
 import argparse
-import json
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -21,6 +20,7 @@ from evopem.errors import FOR_REPORT, InputError, check_packages
 from evopem.files.checksums import COMMAND, sha256_of_file
 from evopem.files.job import job
 from evopem.pipeline.identification import ProgressLine
+from evopem.results.identity import origins
 from evopem.results.layout import DatasetFiles, check_folders
 from evopem.version import __version__
 
@@ -343,14 +343,7 @@ def _check_folder(files: DatasetFiles, settings: DatasetSettings) -> None:
     # another project may have made the results, from another file of that name.
     here = folder.absolute().is_relative_to(Path.cwd()) or all(map(os.path.isabs, held))
     same_names = [*map(os.path.abspath, held)] == [*map(os.path.abspath, given)]
-    if not (same_names and here) and _digests_read(files) != [*map(sha256_of_file, given)]:
+    digests = [origin.get("sha256") for origin in origins(files.recording_info).values()]
+    if not (same_names and here) and digests != [*map(sha256_of_file, given)]:
         problem = f"it holds the results of {', '.join(held) or 'another recording'}"
         raise InputError(str(folder), problem, "choose another folder with --results")
-
-
-def _digests_read(files: DatasetFiles) -> list[str]:
-    """SHA-256 of the recorded files behind results; empty where they are not known."""
-    with suppress(OSError, ValueError, KeyError, TypeError):
-        content = json.loads(Path(files.recording_info).read_text(encoding="utf-8"))
-        return [file["sha256"] for file in content["files"]]
-    return []
