@@ -7,6 +7,7 @@ from scipy.signal import lfilter
 from evopem import SearchSettings, estimate
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
+from evopem.validation import held_out_tests
 from evopem.validation.checks.inputs import responds
 from evopem.validation.held_out_tests import (
     NO_TEST,
@@ -151,6 +152,15 @@ def test_improvement_is_one_sided():
     assert improvement_test([(e, e + 0.5 * x)]).p_value > 0.999
     assert improvement_test([(e + 0.5 * x, e)]).coefficient == pytest.approx(0.2, abs=0.05)
     assert np.isnan(improvement_test([(e, e)]).p_value)
+
+
+def test_improvement_that_only_grows_is_not_significant(monkeypatch):
+    """Its whitening is that of an integral, whose mean is not known."""
+    whitening = np.array([1.0, -1.0])
+    monkeypatch.setattr(held_out_tests, "autoregression", lambda *_: whitening)
+    after = np.random.default_rng(7).standard_normal((200, 1))
+    test = improvement_test([(after * np.arange(200.0)[:, None], after)])
+    assert [test.statistic, test.p_value] == pytest.approx([0.0, 0.5])
 
 
 def _of_three_outputs(seed, effect):

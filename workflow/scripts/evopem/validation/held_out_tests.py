@@ -227,7 +227,8 @@ def improvement_test(records: Sequence[tuple[Array, Array]]) -> HeldOutTest:
     whitening = autoregression(difference - mean, MOST_WHITENING)
     white = np.convolve(difference - mean, whitening, mode="valid")
     freedom = white.size - len(whitening)
-    error = math.sqrt(float(white @ white) / freedom / samples) / abs(float(whitening.sum()))
+    scale = max(abs(float(whitening.sum())), 1e-300)  # 0 where the differences only grow
+    error = math.sqrt(float(white @ white) / freedom / samples) / scale
     return replace(
         _one_sided(mean, error, freedom, samples), coefficient=mean / float(before.mean())
     )
