@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from evopem.errors import InputError
-from evopem.files.atomic import atomic_write, write_json, write_table, write_text
+from evopem.files.atomic import atomic_write, write_table, write_text
 
 
 def test_a_file_whose_writing_fails_stays_as_it_was(tmp_path):
@@ -21,12 +21,6 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "results").write_text("a file where a folder is needed")
     with pytest.raises(InputError, match=r"x\.txt: cannot be written \("):
         write_text(tmp_path / "results" / "x.txt", "text")
-
-
-def test_json_refuses_what_is_not_json(tmp_path):
-    with pytest.raises(ValueError, match="not JSON compliant"):
-        write_json(tmp_path / "x.json", {"value": float("nan")})
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("as_frame", [True, False])

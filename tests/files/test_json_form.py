@@ -294,3 +294,9 @@ def test_files_that_hold_no_json_are_refused_in_a_sentence(tmp_path, content, pr
         load(Orders, path)
     assert caught.value.source == str(path)
     assert problem in caught.value.problem
+
+
+def test_what_is_not_json_is_refused_and_leaves_no_file(tmp_path):
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        save(complex(math.nan, 0.0), tmp_path / "x.json")
+    assert list(tmp_path.iterdir()) == []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import os
 import tempfile
 import zipfile
@@ -72,12 +71,6 @@ def write_text(path: str | Path, text: str) -> None:
     """Write a text as UTF-8."""
     with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
-
-
-def write_json(path: str | Path, content: object, indent: int | None = 2) -> None:
-    """Write JSON, on one line for None. A float that is not finite is a ValueError."""
-    text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False) + "\n"
-    write_text(path, text)
 
 
 def write_table(path: str | Path, table: Mapping[str, Iterable[Any]] | pd.DataFrame) -> None:

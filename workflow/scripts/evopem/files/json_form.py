@@ -18,7 +18,7 @@ from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from evopem.errors import InputError
-from evopem.files.atomic import write_json
+from evopem.files.atomic import write_text
 from evopem.files.checksums import rewritten
 
 T = TypeVar("T")
@@ -66,7 +66,8 @@ def from_json(kind: type[T], content: object, source: str = "the content") -> T:
 
 def save(value: object, path: str | Path, indent: int | None = 2) -> None:
     """Write a dataclass, or a sequence of them, as JSON; on one line where only stages read it."""
-    write_json(path, to_json(value), indent)
+    text = json.dumps(to_json(value), indent=indent, ensure_ascii=False, allow_nan=False)
+    write_text(path, f"{text}\n")
 
 
 def load(kind: type[T], path: str | Path) -> T:
