@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from simulated_records import polynomial_record
 
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
@@ -18,12 +19,19 @@ from evopem.estimation.search.certificate import (
     has_agreed,
     is_certified,
 )
-from evopem.estimation.search.global_search import BATCH, BATCHES, basin_hopping, global_search
+from evopem.estimation.search.global_search import (
+    BATCH,
+    BATCHES,
+    _Search,
+    basin_hopping,
+    global_search,
+)
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import descended, pooled, same_optimum
-from evopem.estimation.search.root_sections import are_determined
+from evopem.estimation.search.section_replacement import supports_all_sections
 from evopem.models.orders import armax_orders, orders_of
+from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
 from evopem.synthesis import armax
 
@@ -38,9 +46,9 @@ def problem(orders, samples=600, objective="quadratic"):
     )
 
 
-def problem_of(structure, orders, record=None):
+def problem_of(structure, orders, record=None, objective="quadratic"):
     record = record or armax(seed=2, samples=500)[0]
-    settings = SearchSettings(objective="quadratic")
+    settings = SearchSettings(objective=objective)
     of_structure = orders_of(structure, orders)
     window = ScoringWindow(of_structure.first_residual, of_structure.first_residual)
     errors = prediction_errors(record, of_structure, settings, window, False)
@@ -81,21 +89,23 @@ def test_a_spent_search_is_certified_where_its_few_restarts_agree_and_the_edge_i
 
 
 @pytest.mark.parametrize("seed", [0, 3])
-def test_few_restarts_that_agree_on_roots_that_the_record_leaves_open_are_no_certificate(seed):
+def test_few_restarts_that_agree_on_sections_that_the_record_does_not_support_are_no_certificate(
+    seed,
+):
     """All random points lead to one optimum, or the evaluations are spent."""
     innovations = np.random.default_rng(seed).standard_normal(600)
     output = lfilter([1.0, 0.5], [1.0, -1.5, 0.7], innovations)
     record = Recording(np.empty((600, 0)), output, 1.0)
-    for orders, determined in (((2, 1), True), ((4, 2), False)):
+    for orders, supported in (((2, 1), True), ((4, 2), False)):
         searched = problem_of("arma", orders, record)
         found = global_search(searched, SearchSettings(), np.random.default_rng(seed))
-        assert are_determined(searched.errors, found.point) == determined
-        assert is_certified(found.diagnostics) == determined
+        assert supports_all_sections(searched, found.point, found.value) == supported
+        assert is_certified(found.diagnostics) == supported
         assert has_agreed(found.diagnostics)
         again = descended(searched, found.point)
         for both in (pooled(again, found), pooled(found, again)):
             assert has_agreed(both.diagnostics)
-            assert both.diagnostics.determined == determined
+            assert both.diagnostics.supported == supported
 
 
 @pytest.mark.parametrize("orders", [(4, 4, 4, 3), (8, 8, 8, 3)])
@@ -183,8 +193,48 @@ def test_a_spent_search_of_polynomials_needs_random_points_and_one_restart_more(
     agreeing, restarts, undiscovered, enough
 ):
     given = agreeing, restarts, undiscovered
-    assert enough_agree(*given, spent=True) is enough
+    assert enough_agree(*given, spent=True, supported=False) is enough
     assert not enough_agree(*given)
+
+
+@pytest.mark.parametrize(("agreeing", "enough"), [(2, False), (3, True)])
+def test_all_restarts_of_a_spent_search_agree_where_the_record_supports_all_sections(
+    agreeing, enough
+):
+    assert enough_agree(agreeing, 3, 1.0, spent=True) is enough
+
+
+def test_exchanged_poles_of_plant_and_noise_lead_from_one_optimum_to_another_and_back():
+    one, d = np.ones(1), np.array([1.0, 0.9])
+    truth = PolynomialModel(np.array([1.0, -1.5, 0.8]), np.array([1.0, 0.5]), one, d, one, 1)
+    u, y, _ = polynomial_record(truth, 400, 5.0, np.random.default_rng(2))
+    searched = problem_of("ararx", (4, 4, 4, 1), Recording(u, y, 1.0))
+    descents = searched.descend(searched.random(BATCH, np.random.default_rng(2)))
+    values, point = [np.min(descents.values)], descents.points[np.argmin(descents.values)]
+    for _ in range(2):
+        descents = searched.descend(searched.with_exchanged_poles(point)[0])
+        values.append(np.min(descents.values))
+        point = descents.points[np.argmin(descents.values)]
+    assert values[0] == pytest.approx(values[2], rel=1e-6)
+    assert values[0] < 0.999 * values[1]
+
+
+def test_descents_of_absolute_errors_to_one_optimum_end_at_one_value():
+    c, d, one = np.array([1.0, 0.5]), np.array([1.0, -0.9]), np.ones(1)
+    truth = PolynomialModel(np.array([1.0, -1.2, 0.7]), np.array([1.0, 0.5]), c, d, one, 1)
+    u, y, _ = polynomial_record(truth, 400, 5.0, np.random.default_rng(0))
+    searched = problem_of("ararmax", (2, 2, 1, 1, 1), Recording(u, y, 1.0), "absolute")
+    descents = searched.descend(searched.random(BATCH, np.random.default_rng(0)))
+    assert np.max(descents.values) <= (1.0 + 1e-6) * np.min(descents.values)
+
+
+def test_restarts_end_where_a_refutation_of_their_optimum_did():
+    searched = problem((2, 2, 2, 3), 300)
+    search, point = _Search(searched, np.random.default_rng(1), None, np.inf), np.zeros(9)
+    search.led += [(3.0, 2.0), (2.0, 1.0)]
+    for value in (2.5, 3.0, 0.5, 3.0):
+        search.add("restart", point, value, 1)
+    assert search.minima == [2.5, 1.0, 0.5, 1.0]
 
 
 @pytest.mark.parametrize("measured", [POLYNOMIALS, STATE_SPACE])

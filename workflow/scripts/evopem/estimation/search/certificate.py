@@ -19,8 +19,8 @@ AGREEMENTS = ((MANY_OPTIMA, AGREEING, 0.5), (1.0, 8, 0.8))
 # or more which all end at one optimum.
 ONE_OPTIMUM = 0.0075
 # Of agreements once the evaluations are spent: two batches of random points and an independent
-# search of another kind.
-OF_SPENT = ((0.15, 3, 0.75),)
+# search of another kind; all of two restarts or more, on sections that the record supports.
+OF_SPENT = ((0.15, 3, 0.75), (1.0, 2, 1.0))
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,16 @@ POLYNOMIALS = Calibration(certified=496, wrong=3, lower_elsewhere=0.83)
 STATE_SPACE = Calibration(certified=32, wrong=0, lower_elsewhere=1.4)
 
 
-def enough_agree(agreeing: int, restarts: int, undiscovered: float, spent: bool = False) -> bool:
+def enough_agree(
+    agreeing: int, restarts: int, undiscovered: float, spent: bool = False, supported: bool = True
+) -> bool:
     """Whether so many of some independent restarts at the lowest value are evidence enough.
     ``undiscovered``: probability that a descent from a random point leads to an undiscovered
-    optimum.  ``spent``: of a polynomial's search without evaluations left."""
+    optimum.  ``spent``: of a polynomial's search without evaluations left, ``supported`` whether
+    the record supports all sections."""
     return any(
         undiscovered <= most and agreeing >= least and agreeing / restarts >= share
-        for most, least, share in (*AGREEMENTS, *(OF_SPENT if spent else ()))
+        for most, least, share in (*AGREEMENTS, *OF_SPENT[: spent + (spent and supported)])
     )
 
 
@@ -65,12 +68,15 @@ def has_agreed(diagnostics: SearchDiagnostics, polynomial: bool = True) -> bool:
     undiscovered = diagnostics.undiscovered_probability
     one_optimum = agreeing > 1 and 2 * agreeing > restarts and undiscovered <= ONE_OPTIMUM
     spent = polynomial and diagnostics.withstood
-    return one_optimum or enough_agree(agreeing, restarts, undiscovered, spent)
+    return one_optimum or enough_agree(
+        agreeing, restarts, undiscovered, spent, diagnostics.supported
+    )
 
 
 def is_certified(diagnostics: SearchDiagnostics, polynomial: bool = True) -> bool:
-    """Whether restarts have agreed, and where they are few, on roots that the record determines."""
-    if diagnostics.determined:
+    """Whether restarts have agreed, and where they are few, on sections that the record supports:
+    spare ones have an optimum nearly everywhere."""
+    if diagnostics.supported:
         return has_agreed(diagnostics, polynomial)
     agreeing, restarts = diagnostics.n_confirming + 1, diagnostics.n_restarts
     return enough_agree(agreeing, restarts, diagnostics.undiscovered_probability)

@@ -35,8 +35,7 @@ from evopem.estimation.search.problem import (
     same_optimum,
     undiscovered,
 )
-from evopem.estimation.search.root_sections import are_determined
-from evopem.estimation.search.section_replacement import SectionReplacement
+from evopem.estimation.search.section_replacement import SectionReplacement, supports_all_sections
 
 # Independent batches of random points, and the points of each.
 BATCHES, BATCH = 2, 16
@@ -73,6 +72,7 @@ class _Search(SearchProgress):
         super().__init__()
         self.problem, self.generator, self.known_minimum = problem, generator, known_minimum
         self.one_optimum = False
+        self.led: list[tuple[float, float]] = []  # values that refutations led from, and to
         self._log = log
         self.replacement: SectionReplacement | None = None
         if isinstance(problem, PolynomialProblem):
@@ -100,9 +100,17 @@ class _Search(SearchProgress):
     def add(
         self, kind: str, point: Array, value: float, evaluations: int, optima: Sequence[float] = ()
     ) -> None:
-        """Count an independent restart."""
-        self.minima.append(value)
+        """Count an independent restart, which ends where a refutation of the same optimum did."""
         self.lower(kind, point, value, evaluations, optima)
+        self.minima.append(value)
+        self.lift()
+
+    def lift(self) -> None:
+        """Let restarts at optima that refutations led down from end where these did."""
+        for at, lower in self.led:
+            for row, minimum in enumerate(self.minima):
+                if same_optimum(max(minimum, at), min(minimum, at)):
+                    self.minima[row] = lower
 
     def lower(
         self, kind: str, point: Array, value: float, evaluations: int, optima: Sequence[float] = ()
@@ -115,17 +123,23 @@ class _Search(SearchProgress):
             self._log(f"{kind}: {value:.9g}, lowest {self.value:.9g}, {self.spent} evaluations")
 
     def refute(self, max_evaluations: float) -> None:
-        """Look for a lower optimum than that of agreeing restarts: a neighbour, or at the edge."""
+        """Look for a lower optimum than that of agreeing restarts: next to it, with exchanged
+        poles or at the edge."""
+        problem = self.problem
         if not self.one_optimum:
             many = self.undiscovered > MANY_OPTIMA and max_evaluations == np.inf
             for _ in range(REFUTATIONS if many else 1):
                 self.search_neighbours(self.replacement, max_evaluations)
-        if isinstance(self.problem, PolynomialProblem) and self.point is not None:
+        if isinstance(problem, PolynomialProblem) and self.point is not None:
             before = self.value
-            if self.problem.errors.orders.nc:
-                hopping = self.problem.from_edge(self.point, before, self.generator)
+            self.descend_from("exchanged poles", *problem.with_exchanged_poles(self.point))
+            if problem.errors.orders.nc:
+                hopping = problem.from_edge(self.point, self.value, self.generator)
                 self.lower("roots of C at the edge", *hopping)
-            self.one_optimum &= same_optimum(before, self.value)
+            if not same_optimum(before, self.value):
+                self.one_optimum = False
+                self.led.append((before, self.value))
+                self.lift()
 
     def search_neighbours(
         self, replacement: SectionReplacement | None, max_evaluations: float
@@ -162,14 +176,13 @@ class _Search(SearchProgress):
             self.add("random points", point, float(value), used // len(lowest))
         self.one_optimum = self.undiscovered <= ONE_OPTIMUM and count_distinct(self.optima) == 1
 
-    def descend_from_slow_estimates(self, problem: PolynomialProblem) -> None:
-        """Descend from estimates of a finely sampled record, which are no independent restart."""
-        starts, used = problem.lowest_estimates(FIRST_ESTIMATES, slow=True)
+    def descend_from(self, kind: str, starts: Array, used: int) -> None:
+        """Descend from points that took some evaluations, which are no independent restart."""
         if len(starts):
-            descents = problem.descend(starts)
-            ended = problem.polish(_lowest_of(descents)[0][None, :])
+            descents = self.problem.descend(starts)
+            ended = self.problem.polish(_lowest_of(descents)[0][None, :])
             used += descents.evaluations + ended.evaluations
-            self.lower("estimates of slow poles", ended.points[0], float(ended.values[0]), used)
+            self.lower(kind, ended.points[0], float(ended.values[0]), used)
 
     def descend_coarsely(self) -> None:
         """The first pass of a race: coarse descents from a few random points, and from the same
@@ -232,7 +245,8 @@ def global_search(
     else:
         search.descend_from_random_points(settings.evaluations)
         if isinstance(problem, PolynomialProblem) and not search.one_optimum:
-            search.descend_from_slow_estimates(problem)
+            starts = problem.lowest_estimates(FIRST_ESTIMATES, slow=True)
+            search.descend_from("estimates of slow poles", *starts)
         alone = replacement is not None and replacement.problem.errors.orders.inputs <= 1
         if search.undiscovered >= HOPELESS and not alone:
             search.search_neighbours(None, settings.evaluations - search.spent)
@@ -245,7 +259,7 @@ def global_search(
             if same_optimum(refuted_from, search.value):
                 search.withstood = True
                 if isinstance(problem, PolynomialProblem) and search.point is not None:
-                    search.determined = are_determined(problem.errors, search.point)
+                    search.supported = supports_all_sections(problem, search.point, search.value)
                 break
             refuted_from = search.value
             search.refute(np.inf if enough else REFUTING * settings.evaluations)

@@ -26,6 +26,7 @@ from evopem.estimation.search.root_sections import (
     descend_in_sections,
     random_denominators,
     recombined_polynomials,
+    with_exchanged_sections,
     with_moved_section,
 )
 from evopem.estimation.search.staged_descent import (
@@ -36,6 +37,7 @@ from evopem.estimation.search.staged_descent import (
     nearly_dependent,
     polish,
     promised_values,
+    sharpened,
     solve_linear,
     staged_descent,
 )
@@ -101,7 +103,8 @@ class PolynomialProblem(BasinHoppingProblem):
 
     def descend(self, points: Array) -> Descent:
         """BFGS from each point, preconditioned by its Gauss-Newton matrix."""
-        return staged_descent(self.errors, points, DESCENT_STAGES, self._largest_value)
+        ended = staged_descent(self.errors, points, DESCENT_STAGES, self._largest_value)
+        return sharpened(self.errors, ended, self._largest_value)
 
     def descend_coarsely(self, points: Array) -> Descent:
         """BFGS from each point to near its end."""
@@ -110,7 +113,7 @@ class PolynomialProblem(BasinHoppingProblem):
     def descend_from_neighbours(self, points: Array) -> Descent:
         """BFGS from points whose Gauss-Newton matrix may be singular."""
         given = points, DESCENT_STAGES, self._largest_value, NEIGHBOUR_DAMPING
-        return staged_descent(self.errors, *given)
+        return sharpened(self.errors, staged_descent(self.errors, *given), self._largest_value)
 
     def polish(self, points: Array) -> Descent:
         """BFGS with ever less smoothing, each point to its own end; never worse than before."""
@@ -142,6 +145,13 @@ class PolynomialProblem(BasinHoppingProblem):
         along = self.descend_in_sections(ended.points[near])
         best, used = int(np.argmin(along.values)), used + along.evaluations
         return BasinHopping(along.points[best], float(along.values[best]), used, [])
+
+    def with_exchanged_poles(self, point: Array) -> tuple[Array, int]:
+        """Points with sections of A, D and F exchanged, and evaluations: random points may all lead
+        to where poles of the noise stand in the plant."""
+        parts = [part for name, part in self.errors.polynomials() if name != "c"]
+        starts = list(with_exchanged_sections(point, parts))
+        return self.completed(np.array(starts)) if starts else (np.empty((0, len(point))), 0)
 
     def promised(self, points: Array, value: float) -> Array:
         """Objective that one Gauss-Newton step from each point predicts; inf where meaningless.

@@ -72,8 +72,8 @@ class SearchDiagnostics:
     that ended at the lowest.  ``n_local_optima``: distinct values of descents that converged.
     ``n_multistart``: random points descended from.  ``undiscovered_probability``: that another one
     leads to a new optimum; 1 without any.  ``withstood``: whether replacements in the lowest and
-    descents from the edge, which follow an agreement, have found nothing lower.  ``determined``:
-    whether the record determines the roots of an optimum that restarts agree on.  ``descents``:
+    descents from the edge, which follow an agreement, have found nothing lower.  ``supported``:
+    whether the record supports every section of an optimum that restarts agree on.  ``descents``:
     from known points, which are no restarts.
     """
 
@@ -86,7 +86,7 @@ class SearchDiagnostics:
     undiscovered_probability: float
     convergence: tuple[tuple[int, float], ...]
     withstood: bool = False
-    determined: bool = True
+    supported: bool = True
     descents: int = 0
 
     @classmethod
@@ -138,7 +138,7 @@ class SearchProgress:
         self.spent = self.generations = 0
         # Random points descended from, and the probability that another one leads elsewhere.
         self.random_points, self.undiscovered = 0, 1.0
-        self.withstood, self.determined = False, True
+        self.withstood, self.supported = False, True
 
     def reach(self, point: Array, value: float) -> None:
         """Keep a point where it is lower, and note how low the search is by now."""
@@ -163,7 +163,7 @@ class SearchProgress:
             undiscovered_probability=self.undiscovered,
             convergence=tuple(self.convergence),
             withstood=self.withstood,
-            determined=self.determined,
+            supported=self.supported,
         )
         return SearchResult(self.point, self.value, diagnostics, tuple(self.ends))
 
@@ -180,7 +180,7 @@ def descended(problem: Problem, point: Array) -> SearchResult:
 def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
     """Combine two searches of one problem that drew independently.  The number of local optima is
     the larger of the two: which of them coincide is not known.  The undiscovered probability is
-    that of the one with more random points.  Roots are determined where that was found out."""
+    that of the one with more random points.  Sections are supported where that was found out."""
     best = second if second.value < first.value else first
     earlier, later = first.diagnostics, second.diagnostics
     drawn = max(earlier, later, key=lambda d: (d.n_multistart, d.undiscovered_probability))
@@ -200,7 +200,7 @@ def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
         undiscovered_probability=drawn.undiscovered_probability,
         convergence=(*earlier.convergence, *continued),
         withstood=bool(tested),
-        determined=bool(tested) and all(of_search.determined for of_search in tested),
+        supported=bool(tested) and all(of_search.supported for of_search in tested),
         descents=earlier.descents + later.descents,
     )
     return replace(best, diagnostics=diagnostics, ends=first.ends + second.ends)

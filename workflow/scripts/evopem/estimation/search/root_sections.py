@@ -2,20 +2,19 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
 
 from evopem.arrays import Array, Complex, Integers
-from evopem.estimation.pem.covariance import estimate_covariance
 from evopem.estimation.pem.derived_errors import CoordinateErrors, Mapped
 from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.pem.kernels.polynomials import products_of_sections
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.staged_descent import POLISH_STAGES, staged_descent
-from evopem.models.polynomial_roots import roots, uncertain_roots
-from evopem.signals.least_squares import triangle_of
+from evopem.models.polynomial_roots import roots
 
 # Distances of random roots from the unit circle: as far as a pole that decays in a sample, and as
 # near as one that rings for hundreds.
@@ -25,9 +24,6 @@ PLACES = 12
 # Distances of a section's roots from the unit circle: as far as a pole that rings for two samples,
 # and as near as one that rings for hundreds.
 SECTION_FARTHEST, SECTION_NEAREST = 0.4, 0.003
-# Largest standard error of a root that the record determines: the roots that orders have beyond
-# those of the system are hardly determined, and then there may be a lower optimum far away.
-DETERMINED = 0.16
 
 
 class RootSections(NamedTuple):
@@ -97,6 +93,17 @@ def each_without(coefficients: Array) -> Iterator[tuple[Array, Array]]:
     for row, section in enumerate(sections.quadratic):
         rest = RootSections(np.delete(sections.quadratic, row, axis=0), sections.single)
         yield section, np.append(1.0, product_of(rest))
+
+
+def with_exchanged_sections(point: Array, parts: Sequence[slice]) -> Iterator[Array]:
+    """Points, (n,), with a section of one polynomial and one of another exchanged."""
+    for first, second in combinations(parts, 2):
+        pairs = product(each_without(point[first]), each_without(point[second]))
+        for (one, left), (other, rest) in pairs:
+            exchanged = point.copy()
+            exchanged[first] = np.convolve(left, np.append(1.0, other))[1:]
+            exchanged[second] = np.convolve(rest, np.append(1.0, one))[1:]
+            yield exchanged
 
 
 def at_radius(radius: float, c: Array, generator: np.random.Generator) -> Iterator[Array]:
@@ -251,19 +258,3 @@ def descend_in_sections(errors: PolynomialErrors, points: Array, largest_value: 
         ends[outside[lower]], values[outside[lower]] = tried[lower], reached[lower]
         outside = outside[~np.isfinite(reached)]
     return replace(descents, points=ends, values=values, evaluations=evaluations)
-
-
-def are_determined(errors: PolynomialErrors, point: Array) -> bool:
-    """Whether the record determines every root of A, C, D and F at an optimum, (n,)."""
-    given = triangle_of(errors.jacobian_blocks(point)), errors.residuals(point)
-    of_noise = np.empty(0, dtype=np.intp)  # rounding errors count as any other residuals
-    covariance = estimate_covariance(
-        *(*given, errors.scored_outputs(), errors.dimension, of_noise, errors.objective)
-    )
-    return covariance is not None and all(
-        np.trace(spread) <= DETERMINED**2
-        for _, part in errors.polynomials()
-        for _, spread in uncertain_roots(
-            np.concatenate([[1.0], point[part]]), covariance.part(part)
-        )
-    )

@@ -63,6 +63,8 @@ LAST_COARSE_STAGES = POLISH_STAGES[:1]
 
 # Relative distance from the lowest value within which a descent is refined, and the most of them.
 NEAR, REFINED = 1e-3, 8
+# The same of descents of absolute errors that are told apart.
+SHARPENED = 0.01
 
 # Newton steps towards linear coordinates: one is exact for the quadratic objective.
 LINEAR_STEPS = {"quadratic": 1, "absolute": 4}
@@ -100,6 +102,18 @@ def coarse_descent(errors: PredictionErrors, points: Array, largest_value: float
     polished = polish(errors, descents.points[lowest], largest_value, LAST_COARSE_STAGES)
     descents.points[lowest], descents.values[lowest] = polished.points, polished.values
     return replace(descents, evaluations=descents.evaluations + polished.evaluations)
+
+
+def sharpened(errors: PolynomialErrors, descents: Descent, largest_value: float) -> Descent:
+    """Descents of absolute errors, the lowest repeated from their ends: smoothed by the value that
+    each began with, descents to one optimum end up to 1e-3 apart."""
+    if errors.objective == "quadratic":
+        return descents
+    near = np.flatnonzero(descents.values <= (1.0 + SHARPENED) * np.min(descents.values))
+    ended = polish(errors, descents.points[near], largest_value, POLISH_STAGES[:1])
+    descents.points[near], descents.values[near] = ended.points, ended.values
+    descents.converged[near] |= ended.converged
+    return replace(descents, evaluations=descents.evaluations + ended.evaluations)
 
 
 def polish(

@@ -114,7 +114,7 @@ def repeatability(evidence: Evidence) -> Found | None:
     repeated = confirming == others >= REPEATED
     few = "" if repeated else ", too few for a certificate"
     if has_agreed(diagnostics, measured is POLYNOMIALS):
-        few = ", few where the record leaves roots open"
+        few = ", few where the record does not support all orders"
     return (
         repeated,
         f"{'Repeatable, but not' if repeated else 'Not'} certified: {confirming or 'none'} of"
