@@ -189,7 +189,7 @@ def test_two_searches_of_one_problem_are_pooled(better):
         n_multistart=32,
         undiscovered_probability=0.1,
         convergence=((50, 5.0), (100, 3.0), (120, 3.0), (140, best)),
-        determined=False,
+        supported=False,
     )
 
 

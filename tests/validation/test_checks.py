@@ -144,7 +144,7 @@ def good(real):
         n_confirming=1,
         n_multistart=256,
         undiscovered_probability=0.001,
-        determined=True,
+        supported=True,
     )
     found = with_phase(
         found, "delay", [armax_orders(3, 3, 3, k) for k in range(4)], armax_orders(3, 3, 3, 1)
@@ -410,6 +410,7 @@ def test_a_root_at_the_stability_bound_of_the_noise_model_alone_is_a_caution(goo
         assert ("No pole of the response" in check.statement) == (word == "Caution")
 
 
+SPARE = {"supported": False}
 FIVE_AGREE = {"restart_minima": (1.0,) * 5, "n_confirming": 4}
 
 
@@ -422,18 +423,24 @@ FIVE_AGREE = {"restart_minima": (1.0,) * 5, "n_confirming": 4}
         ({"undiscovered_probability": 0.0075}, True, "Certified: 1 of 2 other independent"),
         ({"restart_minima": (1.0, 1.0)}, True, "1 of 1 other independent restart reached"),
         ({"undiscovered_probability": 0.05, **FIVE_AGREE}, True, "Certified: 4 of 4 other"),
+        ({"undiscovered_probability": 1.0, **FIVE_AGREE}, True, "Certified: 4 of 4 other"),
         (
-            {"undiscovered_probability": 0.16, "n_multistart": 32, **FIVE_AGREE},
+            {"undiscovered_probability": 0.16, "n_multistart": 32, **SPARE, **FIVE_AGREE},
             True,
             "with probability 0.16 a further descent from a random point leads to one that was not",
         ),
         (
-            {"undiscovered_probability": 1.0, "n_multistart": 0, **FIVE_AGREE},
+            {"undiscovered_probability": 1.0, "n_multistart": 0, **SPARE, **FIVE_AGREE},
             True,
             "Repeatable, but not certified: 4 of 4 other independent restarts reached the lowest",
         ),
         (
-            {"undiscovered_probability": 1.0, "restart_minima": (1.0,) * 4, "n_confirming": 3},
+            {
+                "restart_minima": (1.0,) * 4,
+                "n_confirming": 3,
+                "undiscovered_probability": 1,
+                **SPARE,
+            },
             False,
             "3 of 3 other independent restarts reached the lowest minimum that was found, too few",
         ),

@@ -99,10 +99,10 @@ def with_exchanged_sections(point: Array, parts: Sequence[slice]) -> Iterator[Ar
     """Points, (n,), with a section of one polynomial and one of another exchanged."""
     for first, second in combinations(parts, 2):
         pairs = product(each_without(point[first]), each_without(point[second]))
-        for (one, left), (other, rest) in pairs:
+        for (section, kept), (replaced, remaining) in pairs:
             exchanged = point.copy()
-            exchanged[first] = np.convolve(left, np.append(1.0, other))[1:]
-            exchanged[second] = np.convolve(rest, np.append(1.0, one))[1:]
+            exchanged[first] = np.convolve(kept, np.append(1.0, replaced))[1:]
+            exchanged[second] = np.convolve(remaining, np.append(1.0, section))[1:]
             yield exchanged
 
 
