@@ -266,6 +266,18 @@ def test_a_mode_that_the_input_drives_clearly_needs_few_other_orders(
     assert said_of(replace(alone, elsewhere=True)) == (recurrence < 0.75) + (not confirmed)
 
 
+@pytest.mark.parametrize(("noise", "confirmed"), [(0.01, True), (40.0, False)])
+def test_the_largest_order_needs_no_smaller_ones_that_have_too_few_poles(noise, confirmed):
+    one, both = factor(OF_INPUT), np.polymul(factor(OF_INPUT), factor(pole(30.0, 0.02)))
+    models = [PolynomialModel(np.ones(1), np.ones(1), F=f, sampling_rate=RATE) for f in (one, both)]
+    u, e = np.random.default_rng(5).standard_normal((2, 1500))
+    recording = Recording(u, models[1].simulate(u) + noise * e, RATE)
+    by_order = [OrderModel.of(n, 0.0, models[n > 3]) for n in (2, 3, 4, 5)]
+    table = table_of_models(by_order, 5, lambda each: divided(each, recording, 700))
+    assert [mode.confirmed for mode in table.modes] == [True, confirmed]
+    assert table.modes[1].orders == (4, 5)
+
+
 def test_a_mode_that_decays_within_the_estimation_samples_outlasts_no_record():
     """However few the validation samples of another recording are."""
     model = PolynomialModel(np.ones(1), np.ones(1), F=factor(pole(10.0, 0.02)), sampling_rate=RATE)

@@ -39,8 +39,9 @@ from evopem.validation.modal_parts import (
 from evopem.validation.responses import HeldOut, Model, divided
 from evopem.validation.spectra import EXCITED
 
-# Share of the other orders in which a stable mode is found again.
-STABLE_SHARE = 0.75
+# Share of the other orders in which a stable mode is found again; level of the test of its response
+# at which all with enough poles are enough, where there are no larger ones.
+STABLE_SHARE, CERTAIN = 0.75, 1e-6
 # Damping ratio above which a pair of poles is hardly a resonance, above which one without an input
 # may be the colour of the unknown force, and above which it may be so where its shape is doubted:
 # forces of one colour at several places have about the same pole each.
@@ -267,7 +268,6 @@ def _judged(
     errors of the best smaller model without it to its own: a superfluous pole may seem needed."""
     mode, model = order_model.modes[group[order_model.order]], order_model.model
     of_input, of_noise, power_share = tests
-    in_noise = bool(np.any(mode.noise_participation))
     needed = of_noise.significant(SIGNIFICANCE)
     if needed and without is not None:
         needed = not without <= 1.0  # a smaller model may fail with errors that are not finite
@@ -279,17 +279,18 @@ def _judged(
     ]
     ending = sorted(by_order)[-PERSISTENT_ORDERS:]
     inside = len(by_order) == 1 or chosen < ending[-1]
+    shared = len(group) > 1 and group.keys() >= {m.order for m in compared}
     judged = ModeEvidence(
         mode=mode,
         order=order_model.order,
         orders=tuple(sorted(group)),
         recurrence=float(np.mean([m.order in group for m in compared])) if compared else math.nan,
         compared=len(compared),
-        confirmed=inside or group.keys() >= set(ending),
+        confirmed=inside or group.keys() >= set(ending) or (shared and of_input.p_value < CERTAIN),
         elsewhere=lies_elsewhere(order_model, group, groups, compared),
         input_test=of_input,
         reached=of_input.significant(SIGNIFICANCE) if model.inputs else False,
-        needed_by_noise=needed if in_noise else False,
+        needed_by_noise=needed if np.any(mode.noise_participation) else False,
         power_share=power_share,
     )
     slow = keeps_half(model, mode) and not outlasts.would_show(SIGNIFICANCE)
@@ -325,10 +326,11 @@ def doubts(
     rate that decays within the longest stretch of ``samples``, or is reached by the inputs, clearly
     or with a known damping; the inputs drive it or the noise model needs it on held-out samples,
     with power to speak of; three quarters of the models of other orders have it, all of the last
-    three where the largest was chosen, or one of these and the inputs drive it clearly and most
-    models do not have it elsewhere; and its frequency is known to within 10 %, or the bandwidth.
-    Without an input, one of more than 3 % damping has a known shape.  ``finite``: whether the
-    response may be a finite one, which has no modes.
+    three where the largest was chosen, or all with enough poles at a level of 1e-6, or one of these
+    and the inputs drive it clearly and most models do not have it elsewhere; and its frequency is
+    known to within 10 %, or the bandwidth.
+    Without an input, one of more than 3 % damping has a known shape.  ``finite``: the response may
+    be a finite one.
     """
     mode, reasons = evidence.mode, []
     driven = is_driven_clearly(evidence.input_test)
