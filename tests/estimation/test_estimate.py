@@ -305,16 +305,18 @@ def test_complex_and_extreme_signals_are_refused():
         estimate(1e-200 * u, y, (1, 1, 1, 1))
 
 
-def test_a_level_of_the_output_is_warned_of_and_a_small_one_is_not(recwarn):
+def test_a_level_of_a_signal_is_warned_of_and_a_small_one_is_not(recwarn):
     u, y = np.random.default_rng(0).standard_normal((2, 300))
-    y = y - y.mean()
+    u, y = u - u.mean(), y - y.mean()
     few = SearchSettings(evaluations=100)
     estimate(u, y + 0.02, (1, 1, 1, 1), settings=few)
-    assert not [each for each in recwarn if "the mean of an output" in str(each.message)]
+    assert not [each for each in recwarn if "the mean of " in str(each.message)]
     structures = {"armax": (1, 1, 1, 1), "oe": (1, 1, 1), "arx": (1, 1, 1), "ss": 1, "ss_oe": 1}
     for structure, orders in structures.items():
         with pytest.warns(UserWarning, match="subtract the means of input and output"):
             estimate(u, y + 1.0, orders, structure=structure, settings=few)
+    with pytest.warns(UserWarning, match='the mean of input "input" is'):
+        estimate(u + 5.0, y, (1, 1, 1), structure="oe", settings=few)
 
 
 @pytest.mark.parametrize("kind", ["constant", "zero", "twice", "a sum"])

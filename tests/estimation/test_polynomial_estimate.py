@@ -197,6 +197,8 @@ def test_the_record_is_not_modified():
         ({"output": np.full(100, np.nan)}, "must be finite"),
         ({"settings": SearchSettings(max_root_radius=1.0)}, "between 0 and 1"),
         ({"structure": "state space"}, "structure must be one of"),
+        ({"structure": ["oe"]}, "structure must be a name"),
+        ({"settings": {"seed": 1}}, "settings must be SearchSettings"),
         ({"settings": SearchSettings(refine="oldest")}, "refine must be one of"),
     ],
 )

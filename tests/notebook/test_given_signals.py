@@ -10,6 +10,7 @@ from evopem.notebook.signals import Wanted
 from evopem.notebook.signals import given_recordings as recordings_of
 from evopem.notebook.signals import given_signals as signals_of
 from evopem.signals.reading import read_measured
+from evopem.signals.recording import recording_of
 
 U, Y = np.random.default_rng(1).standard_normal((2, 50))
 TIME = np.arange(50) / 20.0
@@ -147,6 +148,9 @@ def test_samples_of_other_times_are_not_paired_by_position(index):
     with pytest.raises(InputError, match="not paired by position"):
         given_signals(pd.Series(U, index), pd.Series(Y, DATES))
     assert given_signals(pd.Series(U, DATES), pd.Series(Y, DATES)).sampling_rate == 100.0
+    with pytest.raises(InputError, match="input: the indexes of input and output differ"):
+        recording_of(pd.Series(U, DATES), pd.Series(Y, index), 100.0)
+    assert recording_of(pd.Series(U, DATES), pd.Series(Y, DATES), 100.0).samples == len(Y)
 
 
 def test_masked_samples_are_missing():

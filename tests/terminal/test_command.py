@@ -214,9 +214,11 @@ def test_another_project_s_file_of_the_same_name_replaces_no_results(folder, mon
     own.mkdir()
     (own / "small.yaml").write_text((folder / "small.yaml").read_text())
     (own / "data.csv").write_text((folder / "data.csv").read_text() + "6.0,0.1,0.2\n")
+    (own / "link").symlink_to(results.parent)
     monkeypatch.chdir(own)
-    assert main([*RUN, "--results", str(results.parent)]) == 1
-    assert "it holds the results of data.csv" in capsys.readouterr().err
+    for written in (str(results.parent), "../elsewhere", "link"):
+        assert main([*RUN, "--results", written]) == 1
+        assert "it holds the results of data.csv" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -231,6 +233,9 @@ def test_another_project_s_file_of_the_same_name_replaces_no_results(folder, mon
         ([*RUN, "--results", "data.csv"], "data.csv: is no folder, and the results need"),
         ([*RUN, "--results", "gone"], "gone: is no folder, and the results need"),
         (["data.csv", "--input", "u", "--output", "none"], "--output: there is no output"),
+        (["b" * 300, *RUN[1:]], f"{'b' * 300}: file name too long; give another path."),
+        (["compare", "b" * 300, "."], f"{'b' * 300}/config.yaml: file name too long"),
+        (["init", "b" * 300], f"{'b' * 300}: file name too long"),
         (["-rf.csv", *RUN[1:]], "-rf.csv: begins with -, as options do; write ./-rf.csv."),
     ],
 )

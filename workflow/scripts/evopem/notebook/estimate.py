@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from evopem.signals.recording import Recording, recording_of
 if TYPE_CHECKING:
     from evopem.notebook.state_space import StateSpaceResults
 
-# Mean of the output, in standard deviations, from which on it biases the poles noticeably.
+# Mean of a signal, in standard deviations, from which on it biases the poles noticeably.
 LEVEL_WARNING = 0.3
 # Share of an input that the inputs before it do not tell, below which it has nothing of its own.
 DEPENDENT = 1e-9
@@ -60,20 +60,17 @@ def estimate(
     sampling_rate : float
         Hz.
     structure : str
-        A key of :data:`evopem.config.structures.STRUCTURES`: ``fir``, ``impulse``, a regularised
-        response, ``arx``, ``arma``, ``armax``, ``ararx``, ``ararmax``, ``oe``, ``bj`` or
-        ``general``, of one output; or in state space ``ss``, innovations form with K, ``ss_oe``,
-        output error with K = 0, ``ss_oe_drift``, the same beside slow changes of the level, or
-        ``ss_bj``, an optimum of innovations form next to an output-error plant with a noise model
-        of its own.
+        Of one output ``fir``, ``impulse``, a regularised response, ``arx``, ``arma``, ``armax``,
+        ``ararx``, ``ararmax``, ``oe``, ``bj`` or ``general``; in state space ``ss``, innovations
+        form with K, ``ss_oe``, output error with K = 0, ``ss_oe_drift``, the same beside slow
+        changes of the level, or ``ss_bj``, an output-error plant with a noise model of its own.
     settings : SearchSettings, optional
     window : ScoringWindow, optional
         Of a polynomial model.
     level : bool
         Whether a constant is estimated along, for each recording.
     focus : {"prediction", "simulation"} or int
-        The errors to be small: of one step, of simulation, or of predictions that many samples
-        ahead.
+        The errors to be small: of one step, of simulation, or that many samples ahead.
     weighting : {"determinant", "noise", "power"}
         Of the outputs of a state-space model: ``determinant`` of the errors' covariance (maximum
         likelihood for white errors), each output by its own ``noise`` (the product of the
@@ -81,8 +78,7 @@ def estimate(
     constraints : Constraints, optional
         What the model must meet, and priors.
     earlier : SearchResult, optional
-        Result of an earlier search of the same problem, to be combined with this one; as `target`
-        of a polynomial model.
+        Earlier search of the same problem to combine with; as `target` of a polynomial model.
     log : callable, optional
         Receives one line a generation.
     target : Target, optional
@@ -104,7 +100,7 @@ def estimate(
     Warns
     -----
     UserWarning
-        When the output has a mean beside its standard deviation, and the model has no level.
+        When a signal has a mean beside its standard deviation, and the model has no level.
 
     Examples
     --------
@@ -121,9 +117,13 @@ def estimate(
     """
     if orders is None:
         raise ValueError("orders are missing, such as orders=(2, 2, 2, 1)")
+    if not isinstance(structure, str):
+        raise ValueError(f"structure must be a name, not {structure!r}")
+    if not isinstance(settings, SearchSettings | None):
+        raise ValueError(f"settings must be SearchSettings, not {settings!r}")
     recording = recording_of(input, output, sampling_rate)
     if not level:
-        _warn_of_level(recording.outputs)
+        _warn_of_level(recording.signals)
     _warn_of_inputs(recording)
     asked = recording, structure, level, settings, constraints
     shared: Any = {"level": level, "focus": focus, "constraints": constraints}
@@ -151,12 +151,13 @@ def estimate(
     return PolynomialResults(**vars(polynomials), asked=asked)
 
 
-def _warn_of_level(outputs: Array) -> None:
-    """Warn of a constant part, which a model without a level has no term for."""
-    for mean, deviation in zip(outputs.mean(axis=0), outputs.std(axis=0), strict=True):
+def _warn_of_level(signals: Mapping[str, Array]) -> None:
+    """Warn of constant parts, which a model without a level has no term for."""
+    for name, signal in signals.items():
+        mean, deviation = signal.mean(), signal.std()
         if abs(mean) > LEVEL_WARNING * deviation:
             warnings.warn(
-                f"the mean of an output is {mean:.3g}, with a standard deviation of"
+                f"the mean of {name} is {mean:.3g}, with a standard deviation of"
                 f" {deviation:.3g}: the model has no constant term, so set level=True, or subtract"
                 " the means of input and output first",
                 stacklevel=3,

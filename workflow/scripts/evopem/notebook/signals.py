@@ -12,7 +12,7 @@ import numpy as np
 from evopem.arrays import Array
 from evopem.errors import InputError
 from evopem.files.atomic import save_arrays
-from evopem.signals.recording import numbered, samples_of
+from evopem.signals.recording import numbered, paired_indexes, samples_of
 from evopem.signals.timestamps import RATE_TOLERANCE, timing
 
 DATA = "data"
@@ -83,14 +83,7 @@ def given_signals(data: Any, wanted: Wanted, source: str = DATA) -> GivenSignals
         outputs = samples_of(wanted.output, source, "output")
         inputs = np.empty((len(outputs), 0)) if data is None else samples_of(data, source, "input")
         input_labels, output_labels = _labels(data, inputs), _labels(wanted.output, outputs)
-        indexes = [frame.index for frame in (data, wanted.output) if hasattr(frame, "iloc")]
-        if len(indexes) == 2 and not _are_equal(*indexes):
-            raise InputError(
-                source,
-                "the indexes of input and output differ, and samples are not paired by position",
-                "bring both to one index, as by pandas.concat([input, output], axis=1,"
-                ' join="inner"), or give arrays',
-            )
+        indexes = paired_indexes(data, wanted.output, source)
     rate = checked_rate(wanted.sampling_rate)
     if wanted.time is not None:
         stamps = np.asarray(_column(data, wanted.time, "time", source))
@@ -186,16 +179,6 @@ def _listed(table: Any, most: int = 20) -> str:
     left = len(table.columns) - most
     shown = ", ".join(map(repr, table.columns[:most]))
     return f"{shown}, … and {left} more" if left > 0 else shown
-
-
-def _are_equal(first: Any, second: Any) -> bool:
-    if len(first) != len(second) or first.equals(second):
-        return len(first) == len(second)
-    stamps = np.asarray(first), np.asarray(second)
-    if any(stamp.dtype.kind != "f" or stamp.size < 2 for stamp in stamps):
-        return False
-    step = float(np.min(np.abs(np.diff(stamps[0]))))
-    return bool(np.all(np.abs(stamps[0] - stamps[1]) <= 1e-6 * step))
 
 
 def _rate(index: Any, stated: float | None, unit: str | None, source: str) -> float | None:

@@ -221,10 +221,8 @@ def recording_of(
     output: ArrayLike | None,
     sampling_rate: float,
 ) -> Recording:
-    """Signals as a user gives them, as one recording; one is returned as it is.
-
-    ValueError where a signal is missing, holds no finite real numbers, or differs in length.
-    """
+    """Signals as a user gives them, as one recording; one is returned as it is. ValueError where a
+    signal is missing, holds no finite real numbers, or differs in length or in its index."""
     if isinstance(input, Recording):
         if output is not None:
             raise ValueError("a Recording holds its outputs; give nothing as output")
@@ -232,6 +230,7 @@ def recording_of(
     elif output is None:
         raise ValueError("the output is missing")
     else:
+        paired_indexes(input, output, "input")
         y = samples_of(output, "output")
         u = np.empty((len(y), 0)) if input is None else samples_of(input, "input")
         if len(u) != len(y):
@@ -241,6 +240,29 @@ def recording_of(
         if not np.isfinite(signal).all():
             raise ValueError(f"{name} must be finite")
     return recording
+
+
+def paired_indexes(input: Any, output: Any, source: str) -> list[Any]:  # noqa: A002
+    """The indexes of the tables and series among two signals; InputError where two differ."""
+    indexes = [frame.index for frame in (input, output) if hasattr(frame, "iloc")]
+    if len(indexes) == 2 and not _are_equal(*indexes):
+        raise InputError(
+            source,
+            "the indexes of input and output differ, and samples are not paired by position",
+            "bring both to one index, as by pandas.concat([input, output], axis=1,"
+            ' join="inner"), or give arrays',
+        )
+    return indexes
+
+
+def _are_equal(first: Any, second: Any) -> bool:
+    if len(first) != len(second) or first.equals(second):
+        return len(first) == len(second)
+    stamps = np.asarray(first), np.asarray(second)
+    if any(stamp.dtype.kind != "f" or stamp.size < 2 for stamp in stamps):
+        return False
+    step = float(np.min(np.abs(np.diff(stamps[0]))))
+    return bool(np.all(np.abs(stamps[0] - stamps[1]) <= 1e-6 * step))
 
 
 def samples_of(given: Any, source: str, place: str = "") -> Array:

@@ -1,6 +1,7 @@
 """The command ``evopem``: one system from the terminal, or a configuration for many."""
 
 import argparse
+import errno
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -80,6 +81,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _INTERRUPTED
     except BrokenPipeError:  # `evopem … | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except OSError as error:  # a job says itself what it cannot read or write
+        if error.errno not in (errno.ENAMETOOLONG, errno.EACCES):
+            raise
+        refused = InputError(error.filename, str(error.strerror).lower(), "give another path")
+        sys.stderr.write(f"{refused}\n")
         return 1
 
 
@@ -341,7 +348,7 @@ def _check_folder(files: DatasetFiles, settings: DatasetSettings) -> None:
     given = settings.source.all_files
     # In the working directory, the same name is the same file, whatever it holds now. Elsewhere
     # another project may have made the results, from another file of that name.
-    here = folder.absolute().is_relative_to(Path.cwd()) or all(map(os.path.isabs, held))
+    here = folder.resolve().is_relative_to(Path.cwd()) or all(map(os.path.isabs, held))
     same_names = [*map(os.path.abspath, held)] == [*map(os.path.abspath, given)]
     digests = [origin.get("sha256") for origin in origins(files.recording_info).values()]
     if not (same_names and here) and digests != [*map(sha256_of_file, given)]:
