@@ -277,7 +277,7 @@ def test_states_are_searched_where_polynomials_leave_something(noise, given, is_
     scorer = Scorer([Segment(u, y)], decide_folds([Segment(u, y)]), CommonSettings(), limits, (1,))
     search = search_structure(scorer, "ss", {"oe": search_structure(scorer, "oe", {})})
     assert bool(search.candidates) == is_searched
-    assert is_searched == ("leaves nothing" not in search.decision.sentence)
+    assert is_searched == ("fails no check" not in search.decision.sentence)
     assert not search.too_short
 
 

@@ -144,7 +144,8 @@ def _needless(scorer: Scorer, known: Sequence[Candidate]) -> str:
     checks = scorer.checks(likeliest)
     if checks.whiteness < SIGNIFICANCE or not {EXCITATION_ADEQUATE}.issuperset(checks.failed):
         return ""
-    return f"Not searched: {likeliest.name}, the likeliest of the polynomials, leaves nothing."
+    name = f"{likeliest.name}, the likeliest of the polynomials,"
+    return f"Not searched: {name} fails no check, that of excitation apart."
 
 
 def _by_states(

@@ -154,7 +154,7 @@ def _with_another_noise_model(
     scorer: Scorer, candidate: Candidate, choice: Choice, trials: list[Trial]
 ) -> tuple[Candidate, bool]:
     """The plant with the smallest noise model that makes the residuals white, else with none. And
-    whether its plant stays as it was estimated without the noise model.  A noise model that does
+    whether its plant stays as it was estimated without the noise model. A noise model that does
     not describe the noise makes standard errors wrong; those of an output-error model take the
     colour of its residuals into account."""
     # The plant's last fit comes first: it is not changed afterwards.
