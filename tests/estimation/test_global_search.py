@@ -204,6 +204,16 @@ def test_all_restarts_of_a_spent_search_agree_where_the_record_supports_all_sect
     assert enough_agree(agreeing, 3, 1.0, spent=True) is enough
 
 
+@pytest.mark.parametrize("of_polynomials", [True, False])
+def test_two_restarts_agree_once_evaluations_are_spent_only_of_polynomials(of_polynomials):
+    searched = problem((2, 2, 2, 3), 300)
+    search = _Search(searched, np.random.default_rng(1), None, np.inf)
+    search.problem = searched if of_polynomials else object()
+    search.minima = [1.0, 1.0]
+    assert search.agree(1.0, spent=True) is of_polynomials
+    assert not search.agree(1.0)
+
+
 def test_exchanged_poles_of_plant_and_noise_lead_from_one_optimum_to_another_and_back():
     one, d = np.ones(1), np.array([1.0, 0.9])
     truth = PolynomialModel(np.array([1.0, -1.5, 0.8]), np.array([1.0, 0.5]), one, d, one, 1)

@@ -88,7 +88,9 @@ class _Search(SearchProgress):
         """Whether random points, or enough restarts, some more among them, ended at the lowest."""
         minima = (*self.minima, *more)
         agreeing = sum(same_optimum(minimum, best) for minimum in minima)
-        enough = enough_agree(agreeing, len(minima), self.undiscovered, spent)
+        # Sections that the record may support are those of polynomials.
+        given = agreeing, len(minima), self.undiscovered, spent
+        enough = enough_agree(*given, isinstance(self.problem, PolynomialProblem))
         return enough or (self.one_optimum and same_optimum(self.value, best))
 
     def is_unlikely(self, target: Target | None) -> bool:
