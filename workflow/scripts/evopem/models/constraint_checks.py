@@ -49,6 +49,15 @@ def check_fit(
     return horizon
 
 
+def in_plain_numbers(constraints: Constraints) -> Constraints:
+    """Constraints as a configuration has them, whose numbers are not those of numpy."""
+    from evopem.config.keys import ANALYSIS  # which takes a while, and few models have constraints
+
+    given = {key: value for key, value in asdict(constraints).items() if value is not None}
+    types = ANALYSIS["constraints"].__origin__
+    return Constraints(**checked(types, normalized(given, "constraints"), "constraints"))
+
+
 def check_constraints(
     constraints: Constraints, orders: Orders, sampling_rate: float, names: Sequence[str] = ()
 ) -> None:
@@ -56,10 +65,7 @@ def check_constraints(
 
     ``names`` are those of the inputs, by default 1, 2, ... of several.  InputError names the key.
     """
-    from evopem.config.keys import ANALYSIS  # which takes a while, and few models have constraints
-
-    given = {key: value for key, value in asdict(constraints).items() if value is not None}
-    checked(ANALYSIS["constraints"].__origin__, normalized(given, "constraints"), "constraints")
+    constraints = in_plain_numbers(constraints)
     names = tuple(names) or tuple(str(place + 1) for place in range(orders.inputs))
     refuse(gains_of_other_inputs(constraints, names))
     if orders.inputs > 1:
