@@ -197,6 +197,9 @@ def test_a_path_ends_where_no_order_brings_something(structure, lowest, lowest_s
     scorer.plan = SimpleNamespace(late_response=0)
     found = search_structure(scorer, structure, {})
     assert found.orders[-1] == last
+    scorer.delays, scorer.limits = (1, 1), OrderLimits(names=("u", "v"))
+    assert search_structure(scorer, structure, {}).orders[-1] > last or last > 10
+    del calls[len(found.candidates) :]
     # The first output-error model of a step is all that the second, of which it is a case, needs.
     for orders, starts, own_starts in calls:
         nested = [s for s in starts if s.orders.poles == orders.poles]

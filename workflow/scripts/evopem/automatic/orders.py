@@ -36,7 +36,7 @@ from evopem.validation.checks.inputs import EXCITATION_ADEQUATE
 from evopem.validation.held_out_tests import SIGNIFICANCE
 
 # Orders tried one after the other, as long as one of the last PATIENCE has brought something; of
-# structures with poles, but ARX, one order less.
+# structures with poles, but ARX, and one input one order less.
 PATH = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, LARGEST_ORDER)
 LONG_PATH = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 # Finite responses beside a noise model, without which their noise draws poles or lags.
@@ -129,9 +129,10 @@ def _along_path(
         gained = needed(falls > least)
         lowest = list(map(min, reached, lowest))
         without_gain = 0 if gained else without_gain + 1
-        # Large steps say more, and take longer; fits of ARX models take hardly any time.
-        poles = likeliest.orders.poles * (structure != "arx")
-        patience = PATIENCE - (poles > 0) - (poles > SINGLE_STEPS)
+        # Large steps say more, and take longer; ARX fits are quick, inputs need not gain alike.
+        poles, inputs = likeliest.orders.poles, likeliest.orders.inputs
+        slow = poles > 0 and inputs < 2 and structure != "arx"
+        patience = PATIENCE - slow - (poles > SINGLE_STEPS)
         if without_gain >= patience or work >= MOST_WORK:
             break
     return candidates
