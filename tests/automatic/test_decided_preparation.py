@@ -7,13 +7,16 @@ import pytest
 from records import noisy, output_error_record
 from scipy.signal import chirp, lfilter
 
+from evopem.automatic.fit import fit
 from evopem.automatic.preparation import decimation
 from evopem.automatic.preparation.decimation import decide_decimation
-from evopem.automatic.preparation.disturbance import decide_differences, decide_objective
+from evopem.automatic.preparation.disturbance import decide_high_pass, decide_objective, passed
 from evopem.automatic.preparation.plan import decide_preparation, prepare
 from evopem.config.settings import GivenPreparation
 from evopem.errors import InputError
+from evopem.models.orders import Orders
 from evopem.signals.recording import Recording, Segment
+from evopem.signals.transforms import NO_FILTER, HighPass
 from evopem.synthesis import flexible_arm
 
 
@@ -29,7 +32,7 @@ def test_a_plain_record_is_left_as_it_is():
         "clipping": "none",
         "stuck samples": "no",
         "decimation": "1",
-        "differences": "0",
+        "drift": "none",
         "objective": "quadratic",
     }
 
@@ -187,25 +190,35 @@ def test_a_record_of_gaps_alone_is_refused():
         decide_preparation(Recording(u, y, 10.0))
 
 
-def test_an_output_that_drifts_is_differenced():
+def test_an_output_that_drifts_is_filtered():
     """The arm's drift is a random walk that is summed up once more, and hides its modes."""
     recording, _ = flexible_arm(2, 1200)
     plan = decide_preparation(recording, GivenPreparation(start=0, objective="quadratic"))
-    assert choices(plan)["differences"] == "2"
+    assert choices(plan)["drift"] == "second differences"
     (stretch,) = prepare(recording, plan).stretches
     assert stretch.samples == 1198
     assert abs(stretch.output.mean()) < 1e-12
     assert 0.25 < stretch.output.std() < 2.0
 
 
-def test_a_slow_disturbance_that_does_not_hide_the_response_is_no_reason_to_difference():
-    u, y, _ = output_error_record(600, percent=1.0)
-    walk = np.cumsum(np.random.default_rng(5).standard_normal(600))
-    y = y + 0.6 * y.std() * walk / walk.std()
-    decision = decide_differences([Segment(u, y - y.mean())])[1]
-    assert decision.choice == "0"
-    assert "random walk" in decision.sentence
-    assert "nothing is differenced" in decision.sentence
+@pytest.mark.parametrize("pole", [0.0, 0.8, 0.97])
+def test_a_walk_beside_white_noise_is_filtered_by_the_zero_of_their_sum(pole):
+    """Of variances q and r the sum is ARMA(1, 1), its zero z by (1 - z)^2 / z = q / r."""
+    g = np.random.default_rng(6)
+    u, white, steps = g.standard_normal((3, 3000))
+    white *= pole > 0.0
+    steps *= (1.0 - pole) / np.sqrt(pole) if pole else 1.0
+    y = 0.3 * lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.8], u) + white + np.cumsum(steps)
+    stretch = Segment(u, y - y.mean())
+    high_pass, about = decide_high_pass([stretch])
+    assert high_pass == HighPass(1, pole)
+    assert about.choice == str(high_pass)
+    orders = Orders(nb=(2,), nf=(2,), nk=(1,))
+    plain, filtered = (
+        fit([each], orders).model.F[0] for each in (stretch, passed(stretch, high_pass))
+    )
+    true = np.array([1.0, -1.5, 0.8])
+    assert np.abs(filtered - true).max() < (0.8 if pole > 0.9 else 0.1) * np.abs(plain - true).max()
 
 
 def test_a_stationary_response_to_a_multisine_of_low_frequencies_is_not_differenced():
@@ -217,15 +230,15 @@ def test_a_stationary_response_to_a_multisine_of_low_frequencies_is_not_differen
         pole = np.exp((-0.01 + 1j) * 2.0 * np.pi * frequency)
         part = lfilter([0.0, 1.0, 0.4], [1.0, -2.0 * pole.real, abs(pole) ** 2], u)
         y = y + part / part.std()
-    times, about = decide_differences([Segment(u[2000:], y[2000:] - y[2000:].mean())])
-    assert times == 0
-    assert min(about.alternatives, key=lambda each: each.score).name != "0"
+    high_pass, about = decide_high_pass([Segment(u[2000:], y[2000:] - y[2000:].mean())])
+    assert high_pass == NO_FILTER
+    assert min(about.alternatives, key=lambda each: each.score).name != "none"
 
 
 def test_an_integrating_plant_is_not_differenced():
     u, e = np.random.default_rng(6).standard_normal((2, 800))
     y = np.cumsum(u) + e
-    assert decide_differences([Segment(u, y - y.mean())])[0] == 0
+    assert decide_high_pass([Segment(u, y - y.mean())])[0] == NO_FILTER
 
 
 @pytest.mark.parametrize("seed", [1, 4, 7])
@@ -235,7 +248,7 @@ def test_a_response_behind_a_long_delay_is_not_taken_for_a_random_walk(seed):
     u = lfilter([1.0], [1.0, -0.5], g.standard_normal(600))
     y = lfilter([1.0], [1.0, -0.985], np.r_[np.zeros(50), u[:-50]])
     y = y + 0.1 * y.std() * g.standard_normal(600)
-    assert decide_differences([Segment(u - u.mean(), y - y.mean())])[0] == 0
+    assert decide_high_pass([Segment(u - u.mean(), y - y.mean())])[0] == NO_FILTER
 
 
 def response_to_two_inputs(outputs, samples=800):
@@ -252,11 +265,11 @@ def test_outputs_of_two_inputs_are_differenced_where_all_of_them_drift(outputs):
     walks = np.cumsum(np.random.default_rng(3).standard_normal(y.shape), axis=0)
     walks *= 3.0 * y.std(axis=0) / walks.std(axis=0)
     drifting = decide_preparation(Recording(u, y + walks, 10.0))
-    assert choices(drifting)["differences"] == "1"
-    assert choices(decide_preparation(Recording(u, y, 10.0)))["differences"] == "0"
+    assert choices(drifting)["drift"] != "none"
+    assert choices(decide_preparation(Recording(u, y, 10.0)))["drift"] == "none"
     y[:, 0] += walks[:, 0]
     one_drifts = decide_preparation(Recording(u, y, 10.0))
-    assert choices(one_drifts)["differences"] == ("1" if outputs == 1 else "0")
+    assert (choices(one_drifts)["drift"] != "none") == (outputs == 1)
 
 
 @pytest.mark.parametrize("outputs", [1, 2])
@@ -279,7 +292,7 @@ def test_of_outputs_alone_the_objective_is_decided_and_no_difference():
 def test_given_differences_are_not_decided():
     u, y, _ = output_error_record(300)
     plan = decide_preparation(Recording(u, y, 10.0), GivenPreparation(differences=0))
-    decision = next(each for each in plan.decisions if each.subject == "differences")
+    decision = next(each for each in plan.decisions if each.subject == "drift")
     assert decision.criterion == "none"
 
 
@@ -297,7 +310,7 @@ def test_of_several_channels_a_rest_is_left_out_and_white_signals_keep_their_rat
     assert choices(plan) == {
         "start": "50",
         "decimation": "1",
-        "differences": "0",
+        "drift": "none",
         "objective": "quadratic",
     }
     assert plan.decisions[1].sentence.endswith("the record is not oversampled.")

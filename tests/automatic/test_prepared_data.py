@@ -19,6 +19,7 @@ from evopem.signals.preparation import prepare as divide
 from evopem.signals.prepared_data import measured_outputs
 from evopem.signals.recording import Recording
 from evopem.signals.recording_checks import joined
+from evopem.signals.transforms import HighPass
 
 UNCHANGED = TransformSettings("none", 0, 0)
 
@@ -89,20 +90,27 @@ def test_after_decimation_the_validation_samples_follow_after_a_gap(recording):
     assert (data.estimation.samples, data.validation.samples) == (80, 20)
 
 
-def test_decided_differences_lead_back_to_the_recording(recording):
+def test_a_written_high_pass_filter_leads_back_from_a_later_start(recording):
+    data, _ = prepared(recording, TransformSettings("none", 1, 1, 0.95), starts=(30,))
+    assert data.transforms.discard == 30
+    back = invert_output(data.transforms, data.estimation.output)
+    assert back[1:] == pytest.approx(recording.output[31 : 30 + len(back)])
+
+
+@pytest.mark.parametrize("high_pass", [HighPass(1), HighPass(2), HighPass(1, 0.95)])
+def test_a_decided_filter_leads_back_to_the_recording(recording, high_pass):
     settings = PreparationSettings(UNCHANGED, SplitSettings(0, 0.8))
     divided = divide(recording, settings)
-    plan = PreparationPlan((5,), differences=2)
-    data = prepared_data(divided, plan, "datasets.a")
-    assert data.transforms.difference == data.transforms.difference_input == 2
-    assert data.transforms.validation_source == "gap"
-    back = invert_output(data.transforms, data.estimation.output)
-    assert back == pytest.approx(recording.output[5:320])
-    assert invert_input(data.transforms, data.estimation.input) == pytest.approx(
-        recording.input[5:320]
-    )
-    back = invert_output(data.transforms, data.validation.output, "validation")
-    assert back == pytest.approx(recording.output[320:])
+    data = prepared_data(divided, PreparationPlan((5,), high_pass=high_pass), "datasets.a")
+    transforms, lost = data.transforms, high_pass.times if high_pass.pole else 0
+    assert transforms.difference == transforms.difference_input == high_pass.times
+    assert transforms.validation_source == "gap"
+    back = invert_output(transforms, data.estimation.output)
+    assert back[lost:] == pytest.approx(recording.output[5 + lost : 320])
+    back = invert_input(transforms, data.estimation.input)
+    assert back[lost:] == pytest.approx(recording.input[5 + lost : 320])
+    back = invert_output(transforms, data.validation.output, "validation")
+    assert back[lost:] == pytest.approx(recording.output[320 + lost :])
 
 
 def test_several_stretches_are_one_record_with_joints(recording):

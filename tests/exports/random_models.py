@@ -75,6 +75,7 @@ def state_space(generator, form, inputs) -> StateSpaceModel:
 def transforms_of(generator, model, kind) -> Transforms:
     """Transforms of one kind, with levels and initial values of their own."""
     counts = {"differences": (2, 2), "output differences": (1, 0), "input differences": (0, 1)}
+    counts["high pass"] = (1, 1)
     times, times_input = counts.get(kind, (0, 0))
 
     def rows(count, channels):
@@ -95,6 +96,7 @@ def transforms_of(generator, model, kind) -> Transforms:
         shift=3.0 if bent else 0.0,
         difference=times,
         difference_input=times_input,
+        difference_pole=0.9 if kind == "high pass" else 0.0,
         input_trends=numbers(m) if kind == "trend" else (),
         output_trends=numbers(ny) if kind == "trend" else (),
     )
@@ -104,7 +106,8 @@ def random_record(like: ModelRecord, number: int) -> ModelRecord:
     """The record of a random model; consecutive numbers have all structures and transforms."""
     generator = np.random.default_rng(number)
     structure = STRUCTURES[number % len(STRUCTURES)]
-    kinds = ("levels", "differences", "output differences", "input differences", "trend", "Box-Cox")
+    kinds = ("levels", "differences", "output differences", "input differences", "high pass")
+    kinds += ("trend", "Box-Cox")
     inputs = int(generator.integers(1, 4))
     if structure.startswith("ss"):
         model = state_space(generator, structure, inputs)

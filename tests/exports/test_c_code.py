@@ -86,11 +86,26 @@ def prepared(record, u, y):
         y = box_cox(y, about.box_cox, about.shift)
     counts = about.difference_input if record.has_input else 0, about.difference
     lost = max(counts)
-    u, y = (
-        difference(each[lost - count :], count)[0]
-        for each, count in zip((u, y), counts, strict=True)
-    )
+    if about.difference_pole:
+        initial = origin.input_initial, origin.output_initial
+        u, y = (
+            filtered(each, first, about.difference_pole)[0][lost:]
+            for each, first in zip((u, y), initial, strict=True)
+        )
+    else:
+        u, y = (
+            difference(each[lost - count :], count)[0]
+            for each, count in zip((u, y), counts, strict=True)
+        )
     return u - origin.input_means, y - origin.output_means, lost
+
+
+def filtered(signals, initial, pole):
+    """Behind a high-pass filter, sample by sample from an initial level on, and the second one."""
+    levels = [np.array(initial[0])] if initial else [signals[0]]
+    for sample in signals:
+        levels.append(pole * levels[-1] + (1.0 - pole) * sample)
+    return signals - levels[:-1], (tuple(levels[1].tolist()),)
 
 
 def simulated_in_python(record, u):
@@ -99,8 +114,11 @@ def simulated_in_python(record, u):
     times = origin.start + np.arange(SAMPLES) / about.sampling_rate
     if about.has_trend:
         u = u - np.outer(times, about.input_trends)
-    before = invert_difference(np.empty((0, u.shape[1])), origin.input_initial)
-    u = difference(np.vstack([before, u]), len(before))[0] if len(before) else u
+    if about.difference_pole:
+        u = filtered(u, origin.input_initial, about.difference_pole)[0]
+    else:
+        before = invert_difference(np.empty((0, u.shape[1])), origin.input_initial)
+        u = difference(np.vstack([before, u]), len(before))[0] if len(before) else u
     simulated = record.model.simulate(u - origin.input_means).reshape(len(u), -1)
     return measured_outputs(about, origin, simulated)[about.difference :]
 
@@ -111,11 +129,10 @@ def predicted_in_python(record, u, y):
     inputs, outputs, lost = prepared(record, u, y)
     of_one = isinstance(record.model, PolynomialModel)
     predicted = record.model.predict(inputs, outputs[:, 0] if of_one else outputs)
-    own = replace(
-        origin,
-        samples=len(outputs),
-        output_initial=difference(bent(about, y)[lost - about.difference :], about.difference)[1],
-    )
+    initial = difference(bent(about, y)[lost - about.difference :], about.difference)[1]
+    if about.difference_pole:
+        initial = filtered(y, origin.output_initial, about.difference_pole)[1]
+    own = replace(origin, samples=len(outputs), output_initial=initial)
     responses = Responses(
         outputs, predicted.reshape(len(outputs), -1), *(outputs, outputs), np.ones(len(outputs))
     )

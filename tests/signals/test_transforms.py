@@ -50,6 +50,25 @@ def test_difference_round_trip(signal, times):
     assert np.abs(back - both).max() <= bound * max(1.0, np.abs(signal).max())
 
 
+@pytest.mark.parametrize("pole", [0.5, 0.9, 0.99])
+def test_a_high_pass_filter_is_that_of_its_equation_and_comes_back(pole):
+    """A level that is followed from the first samples on; a pure tone has the filter's gain."""
+    t = np.arange(4000)
+    signal = 3.0 + np.column_stack([np.cos(0.3 * t), np.random.default_rng(0).normal(size=4000)])
+    passed, ((level, _),) = difference(signal, 1, pole)
+    assert level == pytest.approx(signal[: round(1.0 / (1.0 - pole)), 0].mean())
+    expected = []
+    for value in signal[1:, 0]:
+        expected.append(value - level)
+        level = pole * level + (1.0 - pole) * value
+    np.testing.assert_allclose(passed[:, 0], expected, atol=1e-12)
+    z = np.exp(-0.3j)
+    gain = abs((1.0 - z) / (1.0 - pole * z))
+    assert np.std(passed[2000:, 0]) == pytest.approx(gain * np.std(signal[2000:, 0]), rel=0.01)
+    back = invert_difference(*difference(signal, 1, pole), pole)
+    np.testing.assert_allclose(back[1:], signal[1:], atol=1e-11)
+
+
 @given(
     arrays(np.int64, st.integers(5, 50), elements=st.integers(-(10**6), 10**6)), st.integers(0, 3)
 )

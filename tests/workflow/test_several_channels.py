@@ -191,7 +191,7 @@ def test_every_decision_is_a_file(run):
     files = folder.files_of("frame")
     decisions = json.loads(Path(files.decisions).read_text())["decisions"]
     subjects = [each["subject"] for each in decisions]
-    first = ["outliers", "start", "decimation", "differences", "objective", "folds"]
+    first = ["outliers", "start", "decimation", "drift", "objective", "folds"]
     assert subjects[: len(first)] == first
     assert {"independent samples", "delay", "orders of ss_oe"} <= {*subjects}
     about = [

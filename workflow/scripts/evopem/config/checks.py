@@ -159,6 +159,11 @@ def check_values(keys: Keys, kind: Kind, at: Place) -> None:
     if kind.by_chapter and not inputs and keys.get("transforms", {}).get("difference_input"):
         problem = f"{polynomial} has no input to difference"
         at.refuse("transforms.difference_input", problem, "set it to 0")
+    transforms = keys.get("transforms", {})
+    counts = (transforms.get("difference"), transforms.get("difference_input"))
+    if transforms.get("difference_pole") and (counts != (1, 1) or not inputs):
+        problem = "a high-pass filter takes the place of one difference of each input and output"
+        at.refuse("transforms.difference_pole", problem, "write difference: 1, difference_input: 1")
     absolute = keys.get("search", {}).get("objective") == "absolute"
     if keys.get("weighting") == "determinant" and absolute:
         problem = "absolute errors have no covariance whose determinant could be taken"

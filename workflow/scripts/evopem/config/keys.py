@@ -237,7 +237,8 @@ class _Analysis:
     """the new sampling rate in Hz. Below that of the recording, with an anti-alias filter; with
     `none` nothing is decimated"""
     transforms: _group(TransformSettings)
-    """the transforms towards stationarity, a mapping of box_cox, difference and difference_input"""
+    """the transforms towards stationarity, a mapping of box_cox, difference, difference_input and
+    difference_pole"""
     split: _group(SplitSettings)
     """the division of the samples, a mapping of discard, estimation and by"""
     spectrum: _group(SpectrumSettings)

@@ -53,6 +53,8 @@ class TransformSettings:
     """the number of times to difference the output"""
     difference_input: Differences = 0
     """the number of times to difference the input"""
+    difference_pole: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    """the pole of a high-pass filter in place of first differences"""
 
 
 @dataclass(frozen=True)

@@ -214,6 +214,7 @@ def _context(exported: Exported) -> Context:
         "channels": signals,
         "difference": signals.difference,
         "difference_input": signals.difference_input,
+        "pole": signals.difference_pole,
         "lost": signals.lost,
         "trend": signals.has_trend,
         "start": signals.start,
@@ -307,10 +308,11 @@ def _preparation(signals: Signals, rate: float) -> list[str]:
             " what follows."
         )
     if signals.lost:
+        filtered = f" over (1 - {signals.difference_pole:g} q^-1)" * (signals.difference_pole > 0.0)
         said.append(
             f"The outputs are differenced {signals.difference} times, the inputs"
-            f" {signals.difference_input} times. A simulation adds up, from the recorded values"
-            " before the estimation samples on."
+            f" {signals.difference_input} times{filtered}. A simulation adds up, from the recorded"
+            " values before the estimation samples on."
         )
     levels = "are those of the estimation samples" if signals.recordings else "are 0"
     levels += f" of the first of {signals.recordings} recordings" * (signals.recordings > 1)

@@ -20,7 +20,8 @@ class Channel:
     unit: str = ""
     level: float = 0.0  # in the model's unit
     trend: float = 0.0  # units per second
-    # Of the signal, of its first differences ...: the last one before the estimation samples
+    # Of the signal, of its first differences ...: the last one before the estimation samples, or
+    # the level of a high-pass filter
     last: tuple[float, ...] = ()
 
     @property
@@ -37,6 +38,7 @@ class Signals:
     outputs: tuple[Channel, ...]
     difference: int = 0  # how many times the outputs were differenced
     difference_input: int = 0
+    difference_pole: float = 0.0  # above 0 that of a high-pass filter in place of differences
     box_cox: float | None = None  # parameter of the transform of the output
     shift: float = 0.0  # added to the output before
     start: float = 0.0  # s: time of the first estimation sample in its recording
@@ -64,7 +66,14 @@ class Signals:
                 *(record.output_names, record.output_units, origin.output_means),
                 *(about.output_trends, origin.output_initial, about.difference),
             ),
-            *(about.difference, times, about.box_cox, about.shift, origin.start),
+            *(
+                about.difference,
+                times,
+                about.difference_pole,
+                about.box_cox,
+                about.shift,
+                origin.start,
+            ),
             *(about.resampled_from, len({origin.recording for origin in about.estimation})),
             own_levels=record.level_of_simulation == "state",
         )

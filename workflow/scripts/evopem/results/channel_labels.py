@@ -25,7 +25,7 @@ class Channel:
     @classmethod
     def of_input(cls, name: str, unit: str, transforms: Transforms) -> Self:
         """An input as recorded and as prepared."""
-        return cls(name, unit, _differenced(transforms.difference_input, name), unit)
+        return cls(name, unit, _differenced(transforms.difference_input, name, transforms), unit)
 
     @classmethod
     def of_output(cls, name: str, unit: str, transforms: Transforms) -> Self:
@@ -33,7 +33,8 @@ class Channel:
         is_linear = transforms.box_cox is None
         shown = name if is_linear else f"Box-Cox transformed {name}"
         return cls(
-            name, unit, _differenced(transforms.difference, shown), unit if is_linear else ""
+            *(name, unit, _differenced(transforms.difference, shown, transforms)),
+            unit if is_linear else "",
         )
 
     @property
@@ -56,9 +57,11 @@ def gain_unit(output: Channel, source: Channel | None) -> str:
     return f"{above}/{below}"
 
 
-def _differenced(count: int, name: str) -> str:
+def _differenced(count: int, name: str, transforms: Transforms) -> str:
     """What the difference of a channel is called: "second difference of torque"."""
     if not count:
         return name
+    if transforms.difference_pole:
+        return f"high-pass filtered {name}"
     ordinal = {1: "first", 2: "second", 3: "third"}.get(count, f"{count}th")
     return f"{ordinal} difference of {name}"

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evopem.arrays import Array
-from evopem.config.settings import PreparationSettings, SplitSettings
+from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
 from evopem.errors import InputError
 from evopem.signals.faulty_samples import LONG_STRETCH
 from evopem.signals.prepared_data import PreparedData, Source, StretchOrigin, Transforms
@@ -71,7 +71,7 @@ def prepare(
         segments: list[Segment] = []
         origins: list[StretchOrigin] = []
         for number, ours in groupby(ranges, lambda bounds: stretches[bounds[0]].number):
-            sections = [_section(stretches[at], first, stop, counts) for at, first, stop in ours]
+            sections = [_section(stretches[k], i, stop, transforms) for k, i, stop in ours]
             together = like.with_segments([segment for segment, _ in sections])
             # The means and levels of the first samples of a recording that are asked for.
             known = 0 if alone else number
@@ -104,6 +104,7 @@ def prepare(
             shift=shift,
             difference=counts[0],
             difference_input=counts[1],
+            difference_pole=transforms.difference_pole,
         ),
     )
 
@@ -122,14 +123,15 @@ def _stretches(
 
 
 def _section(
-    stretch: _Stretch, first: int, stop: int, counts: tuple[int, int]
+    stretch: _Stretch, first: int, stop: int, transforms: TransformSettings
 ) -> tuple[Segment, StretchOrigin]:
     """Differenced samples and where they come from, their means and levels still unknown."""
     # Differences begin as many samples earlier as they cost, so that all channels stay aligned.
     recording, number, start = stretch
     rate = recording.sampling_rate
-    outputs, output_initial = difference(recording.outputs[first - counts[0] : stop], counts[0])
-    inputs, input_initial = difference(recording.inputs[first - counts[1] : stop], counts[1])
+    d, du, pole = transforms.difference, transforms.difference_input, transforms.difference_pole
+    outputs, output_initial = difference(recording.outputs[first - d : stop], d, pole)
+    inputs, input_initial = difference(recording.inputs[first - du : stop], du, pole)
     place = round(start * rate) + first
     origin = StretchOrigin(
         *(number, place, start + first / rate, len(outputs), (), ()),

@@ -48,6 +48,7 @@ class Transforms:
     shift: float = 0.0  # added to the output before
     difference: int = 0  # how many times the outputs were differenced
     difference_input: int = 0
+    difference_pole: float = 0.0  # above 0 a high-pass filter takes the place of differences
     input_trends: tuple[float, ...] = ()  # slopes taken from the channels, units per second
     output_trends: tuple[float, ...] = ()
 
@@ -127,7 +128,8 @@ def measured_outputs(transforms: Transforms, origin: StretchOrigin, outputs: Arr
     The outputs, (n, l), begin with the first sample of a stretch; the first ``difference`` samples
     of the result are those just before.
     """
-    measured = invert_difference(outputs + origin.output_means, origin.output_initial)
+    initial, pole = origin.output_initial, transforms.difference_pole
+    measured = invert_difference(outputs + origin.output_means, initial, pole)
     if transforms.box_cox is not None:
         measured = invert_box_cox(measured, transforms.box_cox, transforms.shift)
     if any(transforms.output_trends):

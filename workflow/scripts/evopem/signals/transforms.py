@@ -1,8 +1,8 @@
-"""Resampling; the level of outputs; Box-Cox transform and differencing, with exact inverses."""
+"""Resampling; the level of outputs; Box-Cox transform and high-pass filter, and their inverses."""
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
@@ -22,6 +22,21 @@ LARGEST_FACTOR = 10_000
 """Largest numerator or denominator of the ratio of the two rates."""
 BOX_COX_RANGE = (-5.0, 5.0)
 """Where ``auto`` looks for the Box-Cox parameter."""
+
+
+@dataclass(frozen=True)
+class HighPass:
+    """The filter ``((1 - q^-1) / (1 - pole q^-1))**times``, of pole 0 where it is not alone."""
+
+    times: int = 0
+    pole: float = 0.0
+
+    def __str__(self) -> str:
+        plain = ("none", "differences", "second differences")[self.times]
+        return f"high-pass filter of pole {self.pole:g}" if self.pole else plain
+
+
+NO_FILTER = HighPass()
 
 
 def positive_shift(*signals: Array) -> float:
@@ -83,24 +98,33 @@ def likeliest_box_cox(signal: Array, shift: float, source: str = "box_cox") -> f
     return parameter
 
 
-def difference(signals: Array, times: int) -> tuple[Array, tuple[tuple[float, ...], ...]]:
-    """Difference signals, (N, channels), `times` < N times.
+def difference(
+    signals: Array, times: int, pole: float = 0.0
+) -> tuple[Array, tuple[tuple[float, ...], ...]]:
+    """Pass signals, (N, channels), through ``(1 - q^-1) / (1 - pole q^-1)`` `times` < N times.
 
-    The second value holds the first sample of the signals, of their first differences, …
+    At pole 0 they are differenced. A pole above takes a level away that follows what lies before,
+    ``level(t + 1) = pole level(t) + (1 - pole) y(t)``, from the mean of the first 1 / (1 - pole)
+    samples on. The second value holds the first level of the signals, of what is left, …
     """
     initial = []
-    differenced = np.array(signals, dtype=np.float64)
+    left = np.array(signals, dtype=np.float64)
     for _ in range(times):
-        initial.append(tuple(differenced[0].tolist()))
-        differenced = np.diff(differenced, axis=0)
-    return differenced, tuple(initial)
+        first = left[: max(round(1.0 / (1.0 - pole)), 1)].mean(axis=0)
+        initial.append(tuple(first.tolist()))
+        later, _ = scipy.signal.lfilter([1.0 - pole], [1.0, -pole], left[1:], 0, pole * first[None])
+        left = left[1:] - np.vstack([first, later[:-1]])
+    return left, tuple(initial)
 
 
-def invert_difference(differenced: Array, initial: tuple[tuple[float, ...], ...]) -> Array:
-    """Undo `difference`; rounding errors are about ``eps * N**times`` of the largest difference."""
+def invert_difference(
+    differenced: Array, initial: tuple[tuple[float, ...], ...], pole: float = 0.0
+) -> Array:
+    """Undo `difference`, to ``eps * N**times``; of a pole above 0 the first sample is a level."""
     signals = np.array(differenced, dtype=np.float64)
     for first in reversed(initial):
-        signals = np.cumsum(np.vstack([first, signals]), axis=0)
+        levels = np.cumsum(np.vstack([first, (1.0 - pole) * signals]), axis=0)
+        signals = np.vstack([levels[:1], levels[:-1] + signals])
     return signals
 
 

@@ -27,11 +27,9 @@ BANDS = 20
 COHERENCE_BANDS, COHERENT_BY_CHANCE = 40, 0.01
 FACTORS = (2, 4, 5, 8, 10, 16, 20)
 LEAST_SAMPLES = 200
-# Decimation must pay: relative gain of the simulation error.
-LEAST_GAIN = 0.05
+LEAST_GAIN = 0.05  # of the simulation error: decimation must pay
 PROBES, MOST_FACTORS = (2, 4, 6), 3
-# Samples of a long record on which factors are compared.
-MOST_DECIMATED = 20_000
+MOST_DECIMATED = 20_000  # samples of a long record on which factors are compared
 
 CRITERION = "simulation error on held-out samples at the recorded rate, % of the outputs"
 
@@ -57,10 +55,8 @@ def decide_decimation(stretches: Sequence[Segment]) -> tuple[int, Decision]:
     if not factors:
         sentence = f"{below} of the sampling rate: the record is not oversampled."
     elif not stretches[0].has_input:
-        kept, sentence = (
-            [],
-            "Without an input the rate is kept: modes are not distinguished from noise.",
-        )
+        kept = []
+        sentence = "Without an input the rate is kept: modes are not distinguished from noise."
     elif not kept:
         sentence = (
             f"Inputs and outputs are coherent up to {coherent:.3g} of the sampling rate, though"

@@ -1,4 +1,4 @@
-"""What the disturbance asks for: differences where it is a random walk, and the objective."""
+"""What the disturbance asks for: a high-pass filter where it drifts, and the objective."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -8,15 +8,18 @@ import numpy as np
 
 from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import errors_simulated_on
+from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, Fold, first_samples, folds_of
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.fit import ArxFit, fit, likeliest_arx, log_loss
+from evopem.automatic.fit import FOLD_STAGES, ArxFit, fit, likeliest_arx, log_loss
 from evopem.errors import NoModelError
 from evopem.estimation.delays import likely_delays, longest_delay
 from evopem.models.orders import Orders
 from evopem.signals.recording import Segment, total_samples
+from evopem.signals.transforms import NO_FILTER, HighPass, difference
 from evopem.validation.held_out_tests import left_by
 
-MOST_DIFFERENCES = 2
+POLES, MOST_DIFFERENCES = (0.8, 0.9, 0.97, 0.99, 0.997), 2
+FILTERS = (NO_FILTER, HighPass(1), HighPass(2), *(HighPass(1, pole) for pole in POLES))
 # Orders of the ARX models that are compared, with SAMPLES_PER_ORDER samples for each.
 ORDERS, SAMPLES_PER_ORDER = (1, 2, 3, 4, 6, 8, 10, 12, 16, 20, 24), 25
 # Those whose residuals decide between the objectives, and how much likelier Laplace's distribution
@@ -26,30 +29,33 @@ OBJECTIVE_ORDERS, LEAST_EVIDENCE = (2, 4, 8, 12, 16), 3.0
 # from which large residuals are what a linear model misses; standard deviations of that by chance.
 OF_INPUT, CHANGES, DEVIATIONS = 0.05, 16, 4.0
 # A difference of BIC, not divided by the samples, that is very strong evidence (Kass & Raftery
-# 1995), and the share of the output's mean square that the response to the input must leave over.
-VERY_STRONG, HIDDEN = 10.0, 0.5
+# 1995), the share of the power of the response to the inputs that a filter leaves at least, or the
+# drift has of an output, and the logarithm by which held-out samples may be simulated worse.
+VERY_STRONG, HALF, MOST_WORSE = 10.0, 0.5, 0.01
+# Orders na, nb and nf of the models whose simulations are scored, nb and nf of each input.
+PROBES = ((2, 3, 0), (6, 7, 0), (0, 2, 2), (0, 4, 4))
+# Halves and interleaved blocks, as (folds, blocks of each), and samples that a block has at least.
+DESIGNS, SHORTEST = ((2, 1), (2, 3)), 40
+LARGEST_ERROR = 10.0  # as a share of the output; beyond it all are useless
 
 
-def decide_differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
-    """How often all channels are differenced.
+def decide_high_pass(stretches: Sequence[Segment]) -> tuple[HighPass, Decision]:
+    """The high-pass filter of all channels that makes the disturbance of an output stationary.
 
-    Each output has an ARX model of all inputs, and the BIC of all outputs are added up.  An ARX
-    model of signals that were differenced d times is one of the signals themselves whose A
-    and B have d common roots at 1: the disturbance is integrated d times, the plant is not.  The
-    BIC compares both on the same samples; it is a test for unit roots of the disturbance (Said &
-    Dickey 1984; by an information criterion as Phillips & Ploberger 1994).  Where the response to
-    the inputs is most of an output nevertheless, nothing is differenced: the model describes the
-    drift, and differences would weight it by high frequencies.
-
-    Behind a delay longer than the largest ARX model the response to an input looks like a
-    disturbance: there the delays are taken out before.
-
-    `stretches`: Centred, with an input.
+    A filter leaves the plant as it is, and is causal and monic: the BIC of ARX models, added up
+    over the outputs, compares filters on the same samples. Of differences that is a test for unit
+    roots (Said & Dickey 1984; by a criterion Phillips & Ploberger 1994). The sum of a walk and
+    white noise is white behind the filter whose pole is its zero.
+    A plant that is not linear leaves slow errors as well. So a filter must leave half of the power
+    of the response to the inputs, and models of filtered samples must simulate held-out ones, not
+    filtered, no worse; or the response is less than half of each output, which is differenced.
+    Behind a delay longer than the ARX models the response looks like a disturbance: there the
+    delays are taken out before. `stretches`: Centred, with an input.
     """
-    times, about = _differences(stretches)
-    if times and (behind := _behind_delays(stretches, ORDERS)):
-        times, about = _differences(behind)
-    return times, about
+    high_pass, about = _high_pass(stretches)
+    if high_pass.times and (behind := _behind_delays(stretches, ORDERS)):
+        high_pass, about = _high_pass(behind)
+    return high_pass, about
 
 
 def _behind_delays(stretches: Sequence[Segment], orders: Sequence[int]) -> list[Segment]:
@@ -68,49 +74,38 @@ def _behind(stretch: Segment, delays: Sequence[int]) -> Segment:
     return Segment(np.column_stack(later), stretch.outputs[longest:], stretch.recording)
 
 
-def _differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
-    """What the BIC of ARX models without delays says of differences."""
-    likeliest = [_likeliest(stretches, d) for d in range(MOST_DIFFERENCES + 1)]
-    times, left, level = 0, 0.0, likeliest[0]
-    if level is None:
-        sentence = "The record is too short to decide whether the output drifts."
-    else:
-        known = [fits for fits in likeliest if fits is not None]
-        best = min(known, key=_bic)
-        times, evidence = likeliest.index(best), _bic(level) - _bic(best)
-        # Any model tells of a stationary response, though roots at 1 may describe it best.
-        shares = [_left_over(fits, stretches) for fits in known] if times else [[0.0]]
-        left = min(map(min, zip(*shares, strict=True)))
-        walk = f"a random walk (the BIC falls by {evidence:.3g})"
-        if times == 0 or evidence < VERY_STRONG:
-            times, sentence = 0, "Nothing speaks for a disturbance that is a random walk."
-        elif left < HIDDEN:
-            times = 0
-            sentence = (
-                f"The disturbance is likely to be {walk}, but the response to the inputs leaves"
-                f" only {100 * left:.0f} % of an output's mean square: nothing is differenced."
-            )
-        elif not np.isfinite(_left_over(best, stretches)).all():
-            times = 0
-            sentence = "The model of differenced signals is unstable: nothing is differenced."
-        else:
-            sentence = (
-                f"The disturbance is {walk}{' that is summed up once more' * (times == 2)}, and"
-                f" the response to the inputs leaves {100 * left:.0f} % of an output's mean square,"
-                " or more. All channels are differenced, which leaves the plant as it is."
-                " Simulations are scored on differenced samples."
-            )
+def _high_pass(stretches: Sequence[Segment]) -> tuple[HighPass, Decision]:
+    """What ARX models without delays say of the filter."""
+    fits = {path: _likeliest(stretches, path) for path in FILTERS}
+    bic = {path: sum(model.bic for model in models) or np.nan for path, models in fits.items()}
+    clear = [path for path in bic if bic[NO_FILTER] - bic[path] > VERY_STRONG]
+    shares = {path: _shares(fits[path], stretches, path) for path in FILTERS if clear}
+    mild = [path for path in clear if shares[path][0] >= HALF]
+    best = min(mild or clear or bic, key=lambda path: bic[path])
+    worse = _worse_simulated(stretches, best) if mild else np.inf
+    chosen = best if worse <= MOST_WORSE else NO_FILTER
+    stable = [path for path in clear if np.isfinite(shares[path][1])]
+    strong = [path for path in stable if path.pole == 0.0 and chosen == NO_FILTER]
+    if strong and min(left for _, left in shares.values()) >= HALF:
+        chosen = best = min(strong, key=lambda path: bic[path])
+    sentence = "Nothing speaks for a disturbance that drifts."
+    if clear:
+        why = f"but behind it ({best}) held-out simulations err {np.exp(worse):.2f} times as much"
+        if chosen == best:
+            why = f"and all channels pass a filter ({best}); simulations are scored behind it"
+        elif not mild:
+            why = "but filters that tell it leave less than half of the response to the inputs"
+        sentence = f"The disturbance drifts (BIC {bic[NO_FILTER] - bic[best]:.3g} lower), {why}."
     criterion = "BIC of ARX models on the same samples, not divided by their number"
-    alternatives = tuple(
-        Alternative(str(d), np.nan if f is None else _bic(f)) for d, f in enumerate(likeliest)
-    )
-    return times, Decision("differences", str(times), alternatives, criterion, sentence)
+    alternatives = tuple(Alternative(str(path), value) for path, value in bic.items())
+    return chosen, Decision("drift", str(chosen), alternatives, criterion, sentence)
 
 
-def differenced(stretch: Segment, times: int) -> Segment:
-    """All channels differenced, ``times`` samples shorter."""
-    inputs, outputs = (np.diff(s, times, axis=0) for s in (stretch.inputs, stretch.outputs))
-    return Segment(inputs, outputs, stretch.recording, stretch.first + times)
+def passed(stretch: Segment, high_pass: HighPass) -> Segment:
+    """All channels behind the filter, ``times`` samples shorter."""
+    times, pole = high_pass.times, high_pass.pole
+    u, y = (difference(signals, times, pole)[0] for signals in (stretch.inputs, stretch.outputs))
+    return Segment(u, y, stretch.recording, stretch.first + times)
 
 
 def _of_outputs(stretches: Sequence[Segment]) -> list[list[Segment]]:
@@ -125,33 +120,72 @@ def _orders(stretches: Sequence[Segment], orders: Sequence[int]) -> list[int]:
     return [n for n in orders if n * SAMPLES_PER_ORDER <= samples]
 
 
-def _likeliest(stretches: Sequence[Segment], times: int) -> list[ArxFit] | None:
-    """Of each output the ARX model of the lowest BIC of signals differenced some times."""
+def _likeliest(stretches: Sequence[Segment], high_pass: HighPass) -> list[ArxFit]:
+    """Of each output the ARX model of the lowest BIC of filtered signals; none of too few."""
     orders = _orders(stretches, ORDERS)
-    first = max(orders, default=0) + MOST_DIFFERENCES
-    lower = [differenced(stretch, times) for stretch in stretches]
-    fits = [
-        likeliest_arx(alone, orders, first - times, levels=times == 0)
-        for alone in _of_outputs(lower)
-    ]
+    first = max(orders, default=0) + MOST_DIFFERENCES - high_pass.times
+    lower = [passed(stretch, high_pass) for stretch in stretches]
+    levels = high_pass.pole > 0.0 or high_pass.times == 0
+    fits = [likeliest_arx(alone, orders, first, levels) for alone in _of_outputs(lower)]
     known = [fit for fit in fits if fit is not None]
-    return known if len(known) == len(fits) else None
+    return known if len(known) == len(fits) else []
 
 
-def _bic(fits: Sequence[ArxFit]) -> float:
-    return sum(fit.bic for fit in fits)
-
-
-def _left_over(fits: Sequence[ArxFit], stretches: Sequence[Segment]) -> list[float]:
-    """Share of each output's mean square that the simulation of its model leaves over."""
-    shares = []
+def _shares(fits: Sequence[ArxFit], stretches: Sequence[Segment], path: HighPass) -> Array:
+    """Least shares: of the response's power behind a filter, of an output's that it leaves."""
+    shares = [(0.0, np.inf)] if not fits else []
     with np.errstate(all="ignore"):
-        for fit, alone in zip(fits, _of_outputs(stretches), strict=True):
-            errors = [errors_simulated_on(fit.model, None, s, True) for s in alone]
-            output = np.concatenate([s.output - s.output.mean() for s in alone])
-            left = float(np.mean(np.concatenate(errors) ** 2) / np.mean(output**2))
-            shares.append(left if np.isfinite(left) else np.inf)
-    return shares
+        for arx, alone in zip(fits, _of_outputs(stretches), strict=False):
+            errors = [errors_simulated_on(arx.model, None, s, True) for s in alone]
+            before = [s.outputs[-len(e) :] + e for s, e in zip(alone, errors, strict=True)]
+            behind = [difference(y, path.times, path.pole)[0] for y in before]
+            parts = behind, before, errors, [s.outputs for s in alone]
+            passing, whole, left, output = (np.concatenate(part).var() for part in parts)
+            shares.append((passing / whole, left / output))
+    return np.asarray(np.where(np.isnan(shares), (0.0, np.inf), shares).min(axis=0))
+
+
+def _worse_simulated(stretches: Sequence[Segment], high_pass: HighPass) -> float:
+    """Mean logarithm of how much larger simulation errors of models of filtered samples are."""
+    logarithms = [
+        np.log(_probe_errors(fold, [passed(s, high_pass) for s in fold.training]))
+        - np.log(_probe_errors(fold, fold.training))
+        for alone in _of_outputs(first_samples(stretches, MOST_SAMPLES))
+        for fold in probe_folds(alone)
+    ]
+    return float(np.mean(logarithms)) if logarithms else np.inf
+
+
+def probe_folds(stretches: Sequence[Segment]) -> list[Fold]:
+    """Those on which transforms and filters are judged."""
+    samples = total_samples(stretches)
+    return [
+        fold
+        for count, blocks in DESIGNS
+        if samples >= count * blocks * SHORTEST
+        for fold in folds_of(tuple(stretches), count, blocks, SHORTEST)
+    ]
+
+
+def _probe_errors(fold: Fold, training: Sequence[Segment]) -> Array:
+    """Errors of small models and the likeliest ARX model on the held-out samples of a fold."""
+    power = np.mean(np.concatenate([s.output - s.output.mean() for s in fold.held_out]) ** 2)
+    inputs, orders = training[0].inputs.shape[1], _orders(training, ORDERS)
+    errors = np.full(len(PROBES) + 1, LARGEST_ERROR)
+    probes = [Orders(na=na, nb=(nb,) * inputs, nf=(nf,) * inputs) for na, nb, nf in PROBES]
+    for row, probe in enumerate([*probes, None]):
+        with suppress(NoModelError), np.errstate(all="ignore"):
+            fitted = (
+                likeliest_arx(training, orders, max(orders, default=0))
+                if probe is None
+                else fit(training, probe, stages=FOLD_STAGES)
+            )
+            if fitted is not None:
+                parts = zip(fold.before, fold.held_out, strict=True)
+                left = [errors_simulated_on(fitted.model, *part, True) for part in parts]
+                error = np.sqrt(np.mean(np.concatenate(left) ** 2) / power)
+                errors[row] = np.nan_to_num(np.minimum(error, LARGEST_ERROR), nan=LARGEST_ERROR)
+    return np.maximum(errors, np.finfo(float).tiny)
 
 
 def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
@@ -159,8 +193,7 @@ def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
 
     Least squares is the maximum-likelihood estimate for normal residuals, least absolute deviations
     that for residuals of Laplace's distribution.  Both are fitted to ARX models, which whiten the
-    residuals; each objective is represented by the order at which it is likeliest.  The logarithms
-    of several outputs are added up.
+    residuals; each is represented by its likeliest order.  Logarithms of outputs are added up.
 
     Disturbances come whatever the input does.  Where the sizes of the residuals follow its changes,
     they are what a linear model misses, as of friction, and least squares give the linear model of

@@ -1,4 +1,4 @@
-"""Preparation of recordings, decided: start, gaps, decimation, differences, objective."""
+"""Preparation of recordings, decided: start, gaps, decimation, high-pass filter, objective."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -19,9 +19,9 @@ from evopem.automatic.preparation.decimation import (
     decimated_stretch,
 )
 from evopem.automatic.preparation.disturbance import (
-    decide_differences,
+    decide_high_pass,
     decide_objective,
-    differenced,
+    passed,
 )
 from evopem.automatic.preparation.wrong_samples import (
     decide_clipping,
@@ -37,7 +37,7 @@ from evopem.models.polynomial import Model
 from evopem.signals.faulty_samples import runs_of
 from evopem.signals.prepared_data import PreparedData, Rows, StretchOrigin
 from evopem.signals.recording import Recording, Segment
-from evopem.signals.transforms import difference, invert_difference
+from evopem.signals.transforms import NO_FILTER, HighPass, difference, invert_difference
 
 Decided = tuple[object, Decision]
 
@@ -52,7 +52,7 @@ class PreparationPlan:
     objective: Objective = "quadratic"
     decisions: tuple[Decision, ...] = ()
     stuck: bool = False  # whether stretches in which the output stands still are breaks
-    differences: int = 0  # how often all channels are differenced, after decimation
+    high_pass: HighPass = NO_FILTER  # of all channels, after decimation
 
     def __post_init__(self) -> None:
         # JSON has no infinity: no limit comes back as NaN.
@@ -67,7 +67,7 @@ class PreparationPlan:
 
 
 class Stretch(NamedTuple):
-    """Samples between breaks, decimated and not yet differenced."""
+    """Samples between breaks, decimated and not yet filtered."""
 
     place: int  # of its recording
     begin: int  # its first sample in it, before decimation
@@ -122,8 +122,8 @@ def decide_preparation(
 ) -> PreparationPlan:
     """Decide how recordings of one system, the segments of one, are prepared.
 
-    Breaks are decided for one output, as one of several would break all; differences where there is
-    an input: without one a random walk is no disturbance, but the system.
+    Breaks are decided for one output, as one of several would break all; a filter where there is an
+    input: without one a random walk is no disturbance, but the system.
 
     `recording`: Samples that are not finite are breaks. `given`: What is not decided here.
     """
@@ -163,10 +163,8 @@ def decide_preparation(
     _check_stretches(recording, plan, names)
     settle("decimation", "factor", lambda: decide_decimation(first_prepared()), given.factor)
     if recording.has_input:
-        settle(
-            *("differences", "differences"),
-            *(lambda: decide_differences(first_prepared()), given.differences),
-        )
+        written = None if given.differences is None else HighPass(given.differences)
+        settle("drift", "high_pass", lambda: decide_high_pass(first_prepared()), written)
     settle(
         *("objective", "objective"),
         *(lambda: decide_objective(first_prepared(MOST_SAMPLES)), given.objective),
@@ -197,13 +195,13 @@ def _check_stretches(recording: Recording, plan: PreparationPlan, names: Sequenc
 
 def prepare(recording: Recording, plan: PreparationPlan) -> PreparedRecord:
     """Apply a plan to the recordings that it was made for."""
-    stretches = [differenced(s.segment, plan.differences) for s in stretches_of(recording, plan)]
+    stretches = [passed(s.segment, plan.high_pass) for s in stretches_of(recording, plan)]
     rate = recording.sampling_rate / plan.factor
     return PreparedRecord.of(replace(recording_of(centred(stretches)), sampling_rate=rate), plan)
 
 
 def stretches_of(recording: Recording, plan: PreparationPlan) -> list[Stretch]:
-    """Samples between breaks that are long enough, decimated by a plan and not differenced."""
+    """Samples between breaks that are long enough, decimated by a plan and not filtered."""
     return [
         Stretch(place, begin, decimated_stretch(segment.between(begin, end), plan.factor))
         for place, (segment, start) in enumerate(zip(recording.segments, plan.starts, strict=True))
@@ -232,12 +230,12 @@ def prepared_data(divided: PreparedData, plan: PreparationPlan, place: str) -> P
 
     `divided`: Both parts before the decisions; means are taken from them already.
     """
-    before = divided.transforms
+    before, pole = divided.transforms, divided.transforms.difference_pole
     kept = stretches_of(divided.estimation, plan)
-    offsets = means_of([differenced(stretch.segment, plan.differences) for stretch in kept])
-    estimation, origins = _part(divided.estimation, before.estimation, plan, offsets)
+    offsets = means_of([passed(stretch.segment, plan.high_pass) for stretch in kept])
+    estimation, origins = _part(divided.estimation, before.estimation, plan, offsets, pole)
     others = plan.for_others(divided.validation)
-    validation, held_out = _part(divided.validation, before.validation, others, offsets)
+    validation, held_out = _part(divided.validation, before.validation, others, offsets, pole)
     for origin, whole in zip(before.validation, divided.validation.segments, strict=True):
         if origin.recording not in {origin.recording for origin in held_out}:
             problem = f"{whole.samples} validation samples are too few"
@@ -246,7 +244,7 @@ def prepared_data(divided: PreparedData, plan: PreparationPlan, place: str) -> P
     ends = [origin.first + origin.samples for origin in before.estimation]
     continued = (
         plan.factor == 1
-        and plan.differences == 0
+        and plan.high_pass.times == 0
         and [origin.first + origin.samples for origin in origins] == ends
     )
     slower = before.sampling_rate if plan.factor > 1 else None
@@ -258,8 +256,9 @@ def prepared_data(divided: PreparedData, plan: PreparationPlan, place: str) -> P
         estimation=origins,
         validation=held_out,
         validation_source="gap" if source == "cut" and not continued else source,
-        difference=before.difference + plan.differences,
-        difference_input=before.difference_input + plan.differences,
+        difference=before.difference + plan.high_pass.times,
+        difference_input=before.difference_input + plan.high_pass.times,
+        difference_pole=plan.high_pass.pole or pole,
     )
     return PreparedData(estimation, validation, transforms)
 
@@ -269,34 +268,33 @@ def _part(
     before: Sequence[StretchOrigin],
     plan: PreparationPlan,
     offsets: tuple[Array, Array],
+    pole: float,
 ) -> tuple[Recording, tuple[StretchOrigin, ...]]:
     """The stretches of a part in recorded units, less their means, and where they come from."""
-    rate = recording.sampling_rate / plan.factor
+    rate, times = recording.sampling_rate / plan.factor, plan.high_pass.times
     segments, origins = [], []
     for place, begin, whole in stretches_of(recording, plan):
         origin, segment = before[place], recording.segments[place]
-        stretch = differenced(whole, plan.differences)
-        first = (origin.first + begin) // plan.factor + plan.differences
+        stretch = passed(whole, plan.high_pass)
+        first = (origin.first + begin) // plan.factor + times
+        start = origin.start + begin / recording.sampling_rate + times / rate
         signals = stretch.inputs - offsets[0], stretch.outputs - offsets[1]
         segments.append(Segment(*signals, origin.recording, first))
         means = np.array(origin.input_means), np.array(origin.output_means)
-        if plan.differences:  # no mean of the signals is left in them
+        if times:  # no mean of the signals is left in them
             initial = [
-                difference(signals + mean, plan.differences)[1]
+                difference(signals + mean, times, plan.high_pass.pole)[1]
                 for signals, mean in zip((whole.inputs, whole.outputs), means, strict=True)
             ]
             means = np.zeros_like(means[0]), np.zeros_like(means[1])
         else:
             initial = [
-                _later(segment.inputs + means[0], origin.input_initial, begin),
-                _later(segment.outputs + means[1], origin.output_initial, begin),
+                _later(segment.inputs + means[0], origin.input_initial, begin, pole),
+                _later(segment.outputs + means[1], origin.output_initial, begin, pole),
             ]
         origins.append(
             StretchOrigin(
-                origin.recording,
-                first,
-                origin.start + begin / recording.sampling_rate + plan.differences / rate,
-                stretch.samples,
+                *(origin.recording, first, start, stretch.samples),
                 tuple((means[0] + offsets[0]).tolist()),
                 tuple((means[1] + offsets[1]).tolist()),
                 *initial,
@@ -307,8 +305,10 @@ def _part(
     return replace(recording.with_segments(segments), sampling_rate=rate), tuple(origins)
 
 
-def _later(signals: Array, initial: Rows, begin: int) -> Rows:
+def _later(signals: Array, initial: Rows, begin: int, pole: float) -> Rows:
     """What differences start from, when their first ``begin`` samples are left out."""
     if begin == 0 or not initial:
         return initial
+    if pole > 0.0:
+        return (tuple((initial[0] + (1.0 - pole) * signals[:begin].sum(axis=0)).tolist()),)
     return difference(invert_difference(signals, initial)[begin:], len(initial))[1]

@@ -11,37 +11,27 @@ import numpy as np
 
 from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import errors_simulated_on
-from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, Fold, first_samples, folds_of
+from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, Fold, first_samples
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.fit import FOLD_STAGES, fit
+from evopem.automatic.preparation.disturbance import LARGEST_ERROR, PROBES, probe_folds
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord, centred
 from evopem.automatic.state_space import recording_of
 from evopem.errors import InputError, NoModelError
 from evopem.models.orders import Orders
-from evopem.signals.recording import Segment, total_samples
+from evopem.signals.recording import Segment
 from evopem.signals.transforms import box_cox, invert_box_cox, likeliest_box_cox, positive_shift
 
-# Orders na, nb and nf of the models whose simulations are scored, nb and nf of each input.
-PROBES = ((2, 3, 0), (6, 7, 0), (0, 2, 2), (0, 4, 4))
-# Halves and interleaved blocks, as (folds, blocks of each).
-DESIGNS = ((2, 1), (2, 3))
-# Samples that a block has at least.
-SHORTEST = 40
-# Errors beyond this share of the output are all the same: useless.
-LARGEST_ERROR = 10.0
 # What a transform must gain over all folds, and in none it may lose.
 LEAST_GAIN = 0.05
 # Level of the test that the spread of the residuals depends on the level.
-SPREAD_LEVEL = 0.001
-SPREAD_ORDER = 4
+SPREAD_LEVEL, SPREAD_ORDER = 0.001, 4
 # Lags of the ARX model with which a drift is estimated, and the sum of its output coefficients that
 # leaves a level.
 DRIFT_ORDER, LEAST_DECAY = 4, 1e-3
-# A trend of fewer standard errors is not tried.
-LEAST_RATIO = 2.0
+LEAST_RATIO = 2.0  # a trend of fewer standard errors is not tried
 CRITERION = "simulation error on held-out samples in recorded units, % of the output"
-# Box-Cox parameters this near to 1 change nothing.
-LEAST_CURVATURE = 0.1
+LEAST_CURVATURE = 0.1  # Box-Cox parameters this near to 1 change nothing
 
 
 @dataclass(frozen=True)
@@ -75,9 +65,8 @@ def decide_transforms(
 ) -> TransformPlan:
     """Decide the transform of stretches between breaks, in recorded units, of one output.
 
-    ``begins`` are their first samples in their recordings.  ``box_cox`` and ``trend`` tell whether
-    the configuration says what is done, ``continued`` whether the validation samples continue the
-    estimation samples, and their trend.
+    ``begins``: Their first samples in their recordings. ``box_cox`` and ``trend``: Whether the
+    configuration decides. ``continued``: Whether validation samples continue the estimation's.
     """
     if box_cox and trend:
         return TransformPlan(decisions=(given_by_configuration("transform", "as written"),))
@@ -86,7 +75,7 @@ def decide_transforms(
         for s, begin in zip(stretches, begins, strict=True)
     ]
     kept = list(first_samples(kept, MOST_SAMPLES))
-    folds, tried, sentences = _folds(kept), [_NONE], []
+    folds, tried, sentences = probe_folds(kept), [_NONE], []
     if not folds:
         sentences.append("The record is too short for folds.")
     elif trend:
@@ -94,10 +83,8 @@ def decide_transforms(
     elif not continued:
         sentences.append("The validation samples are of other recordings: no trend is tried.")
     elif abs(ratio := _slope_and_ratio(kept)[1]) < LEAST_RATIO:
-        sentences.append(
-            f"The output has no trend beside its response to the input ({abs(ratio):.1f} standard"
-            " errors)."
-        )
+        ratio_said = f"({abs(ratio):.1f} standard errors)"
+        sentences.append(f"The output has no trend beside its response to the input {ratio_said}.")
     else:
         tried += [("line of each channel", _lines), ("drift of the output", _drift)]
     if folds and not box_cox:
@@ -114,10 +101,8 @@ def decide_transforms(
         sentences.append(f"With this transform {simulated}" if chosen else f"With none {simulated}")
         if np.isnan(errors).any():
             sentences.append("One that gains nothing in a part is not scored on the others.")
-    alternatives = tuple(
-        Alternative(name, _together(errors[k]) if errors else np.nan)
-        for k, (name, _) in enumerate(tried)
-    )
+    scores = map(_together, errors) if errors else [np.nan]
+    alternatives = tuple(Alternative(tried[k][0], score) for k, score in enumerate(scores))
     name, plan_of = tried[chosen]
     about = Decision("transform", name, alternatives, CRITERION, " ".join(sentences))
     return replace(plan_of(kept), decisions=(about,))
@@ -206,16 +191,6 @@ def spread_test(stretches: Sequence[Segment]) -> float:
     return float(spearmanr(np.abs(residuals), np.concatenate(outputs) - residuals).pvalue)
 
 
-def _folds(stretches: Sequence[Segment]) -> list[Fold]:
-    samples = total_samples(stretches)
-    return [
-        fold
-        for count, blocks in DESIGNS
-        if samples >= count * blocks * SHORTEST
-        for fold in folds_of(tuple(stretches), count, blocks, SHORTEST)
-    ]
-
-
 def _transformed(stretch: Segment, plan: TransformPlan = TransformPlan()) -> Segment:
     """A stretch, whose last input is the time, by a plan."""
     u, t = stretch.inputs[:, :-1], stretch.inputs[:, -1]
@@ -228,10 +203,7 @@ def _transformed(stretch: Segment, plan: TransformPlan = TransformPlan()) -> Seg
 
 
 def _errors(folds: Sequence[Fold], plan_of: PlanOf, plain: Array | None) -> Array:
-    """Error of each probe in each fold, (probes, folds), as a share of the output's deviation.
-
-    NaN behind a fold without a gain over the ``plain`` errors: no such transform is taken.
-    """
+    """Relative error of each probe in each fold, (probes, folds); NaN behind one without a gain."""
     errors = np.full((len(PROBES), len(folds)), np.nan)
     for column, fold in enumerate(folds):
         errors[:, column] = _errors_of(fold, plan_of)
@@ -241,10 +213,7 @@ def _errors(folds: Sequence[Fold], plan_of: PlanOf, plain: Array | None) -> Arra
 
 
 def _errors_of(fold: Fold, plan_of: PlanOf) -> Array:
-    """Error of each probe, (probes,).
-
-    Slopes of the training samples are taken from the held-out ones, too.
-    """
+    """Error of each probe, (probes,); slopes are those of the training samples."""
     errors = np.full(len(PROBES), LARGEST_ERROR)
     inputs = fold.training[0].inputs.shape[1] - 1  # beside the time
     outputs = [stretch.output - stretch.output.mean() for stretch in fold.held_out]
@@ -287,10 +256,7 @@ def _together(errors: Array) -> float:
 
 
 def _gains(errors: Array, plain: Array) -> bool:
-    """Whether models of equal orders gain by a transform in each fold, and the best model too.
-
-    The best models alone would not tell: poles near 1 stand in for a level or a trend.
-    """
+    """Whether models of equal orders gain in each fold, and the best, whose poles may be levels."""
     ratios = _ratios(errors, plain)
     best = np.mean(np.log(errors.min(axis=0) / plain.min(axis=0)))
     gain = np.log(1.0 - LEAST_GAIN)

@@ -87,20 +87,12 @@ def decide_starts(recordings: Sequence[Recording]) -> tuple[tuple[int, ...], Dec
         leading = int(np.argmin(still)) if not still.all() else 0
         kept = max(leading - KEPT_REST, 0)
         starts.append(kept if finite[kept:leading].all() else leading)
-    alternatives = (
-        Alternative("0", 0.0),
-        *(Alternative(str(start), float(start)) for start in sorted(set(starts)) if start),
-    )
-    sentence = (
-        "Samples before the first change of any channel are left out."
-        if any(starts)
-        else "The record begins with its first sample; the transient belongs to the estimated "
-        "initial state."
-    )
-    choice = ", ".join(map(str, starts))
-    return tuple(starts), Decision(
-        "start", choice, alternatives, "leading samples without any change", sentence
-    )
+    alternatives = tuple(Alternative(str(start), float(start)) for start in sorted({0, *starts}))
+    sentence = "The record begins with its first sample; the transient is of the initial state."
+    if any(starts):
+        sentence = "Samples before the first change of any channel are left out."
+    choice, criterion = ", ".join(map(str, starts)), "leading samples without any change"
+    return tuple(starts), Decision("start", choice, alternatives, criterion, sentence)
 
 
 def decide_clipping(
@@ -125,16 +117,13 @@ def decide_clipping(
                 limits[side] = float(levels[::order][0])
                 alternatives.append(Alternative(f"at {limits[side]:g}", share))
     is_clipped = len(alternatives) > 1
-    sentence = (
-        "Samples at a limit of the output, many in sequence, are clipped: they become breaks."
-        if is_clipped
-        else "No limit of the output holds more samples than the levels beside it."
-    )
+    sentence = "No limit of the output holds more samples than the levels beside it."
+    if is_clipped:
+        sentence = "Samples at a limit of the output, many in sequence, are clipped: breaks."
     choice = " and ".join(a.name for a in alternatives[1:]) if is_clipped else "none"
-    decision = Decision(
-        *("clipping", choice, tuple(alternatives), "share of samples at the limit", sentence)
-    )
-    return (limits[0], limits[1]), decision
+    criterion = "share of samples at the limit"
+    about = Decision("clipping", choice, tuple(alternatives), criterion, sentence)
+    return (limits[0], limits[1]), about
 
 
 def decide_stuck(recordings: Sequence[Recording], starts: Sequence[int]) -> tuple[bool, Decision]:
@@ -144,12 +133,11 @@ def decide_stuck(recordings: Sequence[Recording], starts: Sequence[int]) -> tupl
     repeated = np.concatenate([np.append(y[1:] == y[:-1], False) for y in outputs])
     share, others = float(np.mean(still)), float(np.mean(repeated & ~still))
     is_stuck = 0.0 < share < MOST_STUCK and others < REPEATED
-    sentence = (
-        "The output stands still for long stretches of a record without other repetitions: they "
-        "become breaks."
-        if is_stuck
-        else "No stretch in which the output stands still is distinguished from the rest."
-    )
+    sentence = "No stretch in which the output stands still is distinguished from the rest."
+    if is_stuck:
+        sentence = (
+            "Long stretches in which the output stands still, unlike elsewhere, become breaks."
+        )
     alternatives = (Alternative("no", others), Alternative("yes", share))
     criterion = "share of samples that repeat the one before: scattered ones, in long stretches"
     choice = "yes" if is_stuck else "no"
