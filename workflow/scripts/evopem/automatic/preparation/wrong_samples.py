@@ -119,7 +119,7 @@ def decide_clipping(
     is_clipped = len(alternatives) > 1
     sentence = "No limit of the output holds more samples than the levels beside it."
     if is_clipped:
-        sentence = "Samples at a limit of the output, many in sequence, are clipped: breaks."
+        sentence = "Clipped samples, many in sequence at a limit of the output, become breaks."
     choice = " and ".join(a.name for a in alternatives[1:]) if is_clipped else "none"
     criterion = "share of samples at the limit"
     about = Decision("clipping", choice, tuple(alternatives), criterion, sentence)
