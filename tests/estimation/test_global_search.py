@@ -30,7 +30,7 @@ from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import descended, pooled, same_optimum
 from evopem.estimation.search.section_replacement import supports_all_sections
-from evopem.models.orders import armax_orders, orders_of
+from evopem.models.orders import Orders, armax_orders, orders_of
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
 from evopem.synthesis import armax
@@ -227,6 +227,25 @@ def test_exchanged_poles_of_plant_and_noise_lead_from_one_optimum_to_another_and
         point = descents.points[np.argmin(descents.values)]
     assert values[0] == pytest.approx(values[2], rel=1e-6)
     assert values[0] < 0.999 * values[1]
+
+
+def test_of_many_exchanges_of_poles_the_lowest_batch_is_descended_from(monkeypatch):
+    u, e = np.random.default_rng(4).standard_normal((2, 200, 3))
+    y = lfilter([0.0, 1.0], [1.0, -0.8], u.sum(axis=1)) + e[:, 0]
+    orders = Orders(nb=(4, 4, 4), nc=1, nd=4, nf=(4, 4, 4), nk=(1, 1, 1))
+    window = ScoringWindow(orders.first_residual, orders.first_residual)
+    given = orders, SearchSettings(objective="quadratic"), window, False
+    searched = PolynomialProblem(prediction_errors(Recording(u, y, 1.0), *given))
+    (point,), begun = searched.random(1, np.random.default_rng(5)), []
+    starts, used = searched.with_exchanged_poles(point)
+    assert len(starts) == 24
+    search = _Search(searched, np.random.default_rng(6), None, np.inf)
+    descend = searched.descend
+    monkeypatch.setattr(searched, "descend", lambda points: begun.append(points) or descend(points))
+    search.descend_from("exchanged poles", starts, used)
+    values = searched.values(starts)
+    assert np.array_equal(begun[0], starts[values <= np.sort(values)[BATCH - 1]])
+    assert search.spent > used + len(starts)
 
 
 def test_descents_of_absolute_errors_to_one_optimum_end_at_one_value():

@@ -179,7 +179,11 @@ class _Search(SearchProgress):
         self.one_optimum = self.undiscovered <= ONE_OPTIMUM and count_distinct(self.optima) == 1
 
     def descend_from(self, kind: str, starts: Array, used: int) -> None:
-        """Descend from points that took some evaluations, which are no independent restart."""
+        """Descend from points that took some evaluations, which are no independent restart; of more
+        than a batch from the lowest: exchanges grow with the square of the number of inputs."""
+        if len(starts) > BATCH:
+            lowest = np.argsort(self.problem.values(starts), kind="stable")[:BATCH]
+            starts, used = starts[np.sort(lowest)], used + len(starts)
         if len(starts):
             descents = self.problem.descend(starts)
             ended = self.problem.polish(_lowest_of(descents)[0][None, :])
