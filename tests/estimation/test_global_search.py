@@ -99,7 +99,7 @@ def test_few_restarts_that_agree_on_sections_that_the_record_does_not_support_ar
     for orders, supported in (((2, 1), True), ((4, 2), False)):
         searched = problem_of("arma", orders, record)
         found = global_search(searched, SearchSettings(), np.random.default_rng(seed))
-        assert supports_all_sections(searched, found.point, found.value) == supported
+        assert supports_all_sections(searched, found.point, found.value)[0] == supported
         assert is_certified(found.diagnostics) == supported
         assert has_agreed(found.diagnostics)
         again = descended(searched, found.point)
@@ -255,6 +255,15 @@ def test_descents_of_absolute_errors_to_one_optimum_end_at_one_value():
     searched = problem_of("ararmax", (2, 2, 1, 1, 1), Recording(u, y, 1.0), "absolute")
     descents = searched.descend(searched.random(BATCH, np.random.default_rng(0)))
     assert np.max(descents.values) <= (1.0 + 1e-6) * np.min(descents.values)
+
+
+def test_evaluations_for_a_certificate_are_counted(monkeypatch):
+    monkeypatch.setattr(
+        "evopem.estimation.search.global_search.supports_all_sections", lambda *_: (True, 10**9)
+    )
+    found = global_search(problem((1, 1, 1, 3), 300), SearchSettings(), np.random.default_rng(1))
+    assert is_certified(found.diagnostics)
+    assert found.diagnostics.evaluations > 10**9
 
 
 def test_restarts_end_where_a_refutation_of_their_optimum_did():

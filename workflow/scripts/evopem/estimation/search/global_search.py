@@ -265,7 +265,9 @@ def global_search(
             if same_optimum(refuted_from, search.value):
                 search.withstood = True
                 if isinstance(problem, PolynomialProblem) and search.point is not None:
-                    search.supported = supports_all_sections(problem, search.point, search.value)
+                    given = problem, search.point, search.value
+                    search.supported, used = supports_all_sections(*given)
+                    search.spent += used
                 break
             refuted_from = search.value
             search.refute(np.inf if enough else REFUTING * settings.evaluations)

@@ -237,11 +237,13 @@ def sharing(orders: Orders) -> list[Shared]:
     return [*((("f", i), ("b", i)) for i in inputs), of_a, (("d", 0), ("c", 0))]
 
 
-def supports_all_sections(problem: PolynomialProblem, point: Array, value: float) -> bool:
-    """Whether the record supports all sections of an optimum, (n,): without one, descents have to
-    end higher by far more than BIC (Schwarz 1978) allows for, as a spare one stands at the best of
-    many places."""
-    errors, samples = problem.errors, sum(problem.errors.residual_counts())
+def supports_all_sections(
+    problem: PolynomialProblem, point: Array, value: float
+) -> tuple[bool, int]:
+    """Whether the record supports all sections of an optimum, (n,), and the evaluations: without
+    one, descents have to end higher by far more than BIC (Schwarz 1978) allows for, as a spare one
+    stands at the best of many places."""
+    errors, samples, used = problem.errors, sum(problem.errors.residual_counts()), 0
     power = 2.0 if errors.objective == "absolute" else 1.0
     for shared in sharing(errors.orders):
         long = tuple(piece for piece in shared if _length(errors.orders.part(*piece)) >= 3)
@@ -253,10 +255,11 @@ def supports_all_sections(problem: PolynomialProblem, point: Array, value: float
         if not len(starts):
             continue
         ended = smaller.descend_from_neighbours(smaller.repair(starts))
+        used += ended.evaluations
         penalty = (errors.parameters - smaller.errors.parameters) * np.log(samples)
         if np.min(ended.values) <= value * np.exp(SUPPORTED * penalty / (power * samples)):
-            return False
-    return True
+            return False, used
+    return True, used
 
 
 def with_fewer_sections(orders: Orders, shared: Shared) -> Orders | None:
