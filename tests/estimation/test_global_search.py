@@ -29,7 +29,7 @@ from evopem.estimation.search.global_search import (
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import descended, pooled, same_optimum
-from evopem.estimation.search.section_replacement import supports_all_sections
+from evopem.estimation.search.section_replacement import supports_sections
 from evopem.models.orders import Orders, armax_orders, orders_of
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
@@ -99,7 +99,7 @@ def test_few_restarts_that_agree_on_sections_that_the_record_does_not_support_ar
     for orders, supported in (((2, 1), True), ((4, 2), False)):
         searched = problem_of("arma", orders, record)
         found = global_search(searched, SearchSettings(), np.random.default_rng(seed))
-        assert supports_all_sections(searched, found.point, found.value)[0] == supported
+        assert supports_sections(searched, found.point, found.value)[0] == supported
         assert is_certified(found.diagnostics) == supported
         assert has_agreed(found.diagnostics)
         again = descended(searched, found.point)
@@ -198,9 +198,7 @@ def test_a_spent_search_of_polynomials_needs_random_points_and_one_restart_more(
 
 
 @pytest.mark.parametrize(("agreeing", "enough"), [(2, False), (3, True)])
-def test_all_restarts_of_a_spent_search_agree_where_the_record_supports_all_sections(
-    agreeing, enough
-):
+def test_all_restarts_of_a_spent_search_agree_where_the_record_supports_sections(agreeing, enough):
     assert enough_agree(agreeing, 3, 1.0, spent=True) is enough
 
 
@@ -259,7 +257,7 @@ def test_descents_of_absolute_errors_to_one_optimum_end_at_one_value():
 
 def test_evaluations_for_a_certificate_are_counted(monkeypatch):
     monkeypatch.setattr(
-        "evopem.estimation.search.global_search.supports_all_sections", lambda *_: (True, 10**9)
+        "evopem.estimation.search.global_search.supports_sections", lambda *_: (True, 10**9)
     )
     found = global_search(problem((1, 1, 1, 3), 300), SearchSettings(), np.random.default_rng(1))
     assert is_certified(found.diagnostics)

@@ -67,10 +67,8 @@ def has_agreed(diagnostics: SearchDiagnostics, polynomial: bool = True) -> bool:
     agreeing, restarts = diagnostics.n_confirming + 1, diagnostics.n_restarts
     undiscovered = diagnostics.undiscovered_probability
     one_optimum = agreeing > 1 and 2 * agreeing > restarts and undiscovered <= ONE_OPTIMUM
-    spent = polynomial and diagnostics.withstood
-    return one_optimum or enough_agree(
-        agreeing, restarts, undiscovered, spent, diagnostics.supported
-    )
+    spent = polynomial and diagnostics.withstood, diagnostics.supported
+    return one_optimum or enough_agree(agreeing, restarts, undiscovered, *spent)
 
 
 def is_certified(diagnostics: SearchDiagnostics, polynomial: bool = True) -> bool:

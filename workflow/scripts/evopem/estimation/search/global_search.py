@@ -35,7 +35,7 @@ from evopem.estimation.search.problem import (
     same_optimum,
     undiscovered,
 )
-from evopem.estimation.search.section_replacement import SectionReplacement, supports_all_sections
+from evopem.estimation.search.section_replacement import SectionReplacement, supports_sections
 
 # Independent batches of random points, and the points of each.
 BATCHES, BATCH = 2, 16
@@ -179,8 +179,7 @@ class _Search(SearchProgress):
         self.one_optimum = self.undiscovered <= ONE_OPTIMUM and count_distinct(self.optima) == 1
 
     def descend_from(self, kind: str, starts: Array, used: int) -> None:
-        """Descend from points that took some evaluations, which are no independent restart; of more
-        than a batch from the lowest: exchanges grow with the square of the number of inputs."""
+        """Descend from points, the lowest of more than a batch; this is no independent restart."""
         if len(starts) > BATCH:
             lowest = np.argsort(self.problem.values(starts), kind="stable")[:BATCH]
             starts, used = starts[np.sort(lowest)], used + len(starts)
@@ -266,7 +265,7 @@ def global_search(
                 search.withstood = True
                 if isinstance(problem, PolynomialProblem) and search.point is not None:
                     given = problem, search.point, search.value
-                    search.supported, used = supports_all_sections(*given)
+                    search.supported, used = supports_sections(*given)
                     search.spent += used
                 break
             refuted_from = search.value

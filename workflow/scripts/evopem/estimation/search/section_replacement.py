@@ -237,9 +237,7 @@ def sharing(orders: Orders) -> list[Shared]:
     return [*((("f", i), ("b", i)) for i in inputs), of_a, (("d", 0), ("c", 0))]
 
 
-def supports_all_sections(
-    problem: PolynomialProblem, point: Array, value: float
-) -> tuple[bool, int]:
+def supports_sections(problem: PolynomialProblem, point: Array, value: float) -> tuple[bool, int]:
     """Whether the record supports all sections of an optimum, (n,), and the evaluations: without
     one, descents have to end higher by far more than BIC (Schwarz 1978) allows for, as a spare one
     stands at the best of many places."""
