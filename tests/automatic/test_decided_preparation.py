@@ -221,6 +221,14 @@ def test_a_walk_beside_white_noise_is_filtered_by_the_zero_of_their_sum(pole):
     assert np.abs(filtered - true).max() < (0.8 if pole > 0.9 else 0.1) * np.abs(plain - true).max()
 
 
+def test_a_record_that_is_too_short_to_simulate_held_out_samples_is_not_filtered():
+    u, walk = np.random.default_rng(1).standard_normal((2, 75))
+    y = lfilter([1.0, 1.0], [1.0], u) + 0.3 * np.cumsum(walk)
+    high_pass, about = decide_high_pass([Segment(u, y - y.mean())])
+    assert high_pass == NO_FILTER
+    assert "too short to simulate held-out samples" in about.sentence
+
+
 def test_a_stationary_response_to_a_multisine_of_low_frequencies_is_not_differenced():
     """The smooth output of three modes is predicted best from its differences."""
     t, y = np.arange(2600), 0.0

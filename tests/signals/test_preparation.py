@@ -261,6 +261,15 @@ def test_splits_that_do_not_fit_name_their_key(split, key, problem):
     assert caught.value.source == f"datasets.arm.split.{key}"
 
 
+@pytest.mark.parametrize(("pole", "source"), [(0.0, "cut"), (0.9, "gap")])
+def test_validation_samples_behind_a_high_pass_filter_continue_no_others(pole, source):
+    """Their level is that of their first samples, not the one that the filter had before."""
+    u, y = np.random.default_rng(3).standard_normal((2, 100)).cumsum(axis=1)
+    settings = PreparationSettings(TransformSettings("none", 1, 1, pole), SplitSettings(0, 0.8))
+    prepared = prepare(Recording(u, y, 1.0), settings)
+    assert prepared.transforms.validation_source == source
+
+
 def test_differences_that_leave_nothing_name_their_key():
     with pytest.raises(InputError, match="leave no sample") as caught:
         prepare(record(), preparation({"difference": 400}), place="datasets.arm")

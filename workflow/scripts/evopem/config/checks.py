@@ -163,7 +163,8 @@ def check_values(keys: Keys, kind: Kind, at: Place) -> None:
     counts = (transforms.get("difference"), transforms.get("difference_input"))
     if transforms.get("difference_pole") and (counts != (1, 1) or not inputs):
         problem = "a high-pass filter takes the place of one difference of each input and output"
-        at.refuse("transforms.difference_pole", problem, "write difference: 1, difference_input: 1")
+        remedy = "write difference: 1, difference_input: 1" if inputs else "leave it out"
+        at.refuse("transforms.difference_pole", problem, remedy)
     absolute = keys.get("search", {}).get("objective") == "absolute"
     if keys.get("weighting") == "determinant" and absolute:
         problem = "absolute errors have no covariance whose determinant could be taken"

@@ -66,15 +66,9 @@ class Signals:
                 *(record.output_names, record.output_units, origin.output_means),
                 *(about.output_trends, origin.output_initial, about.difference),
             ),
-            *(
-                about.difference,
-                times,
-                about.difference_pole,
-                about.box_cox,
-                about.shift,
-                origin.start,
-            ),
-            *(about.resampled_from, len({origin.recording for origin in about.estimation})),
+            *(about.difference, times, about.difference_pole, about.box_cox, about.shift),
+            *(origin.start, about.resampled_from),
+            len({origin.recording for origin in about.estimation}),
             own_levels=record.level_of_simulation == "state",
         )
 

@@ -32,10 +32,8 @@ class Channel:
         """An output alike; a power transform leaves it without a unit."""
         is_linear = transforms.box_cox is None
         shown = name if is_linear else f"Box-Cox transformed {name}"
-        return cls(
-            *(name, unit, _differenced(transforms.difference, shown, transforms)),
-            unit if is_linear else "",
-        )
+        prepared = _differenced(transforms.difference, shown, transforms)
+        return cls(name, unit, prepared, unit if is_linear else "")
 
     @property
     def label(self) -> str:

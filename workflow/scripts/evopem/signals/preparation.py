@@ -99,7 +99,8 @@ def prepare(
             resampled_from=rates[1] if rates[0] != rates[1] else None,
             estimation=estimation_origins,
             validation=validation_origins,
-            validation_source=source,
+            # The level of a filter is found anew.
+            validation_source="gap" if source == "cut" and transforms.difference_pole else source,
             box_cox=parameter,
             shift=shift,
             difference=counts[0],

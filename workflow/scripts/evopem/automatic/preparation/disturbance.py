@@ -64,7 +64,7 @@ def _behind_delays(stretches: Sequence[Segment], orders: Sequence[int]) -> list[
     delays = [likely.delay for likely in likely_delays(stretches, limits)]
     if (longest := max(delays, default=0)) <= max(_orders(stretches, orders), default=0):
         return []
-    return [_behind(stretch, delays) for stretch in stretches if stretch.samples > longest]
+    return [_behind(s, delays) for s in stretches if s.samples > longest + MOST_DIFFERENCES]
 
 
 def _behind(stretch: Segment, delays: Sequence[int]) -> Segment:
@@ -95,6 +95,8 @@ def _high_pass(stretches: Sequence[Segment]) -> tuple[HighPass, Decision]:
             why = f"and all channels pass a filter ({best}); simulations are scored behind it"
         elif not mild:
             why = "but filters that tell it leave less than half of the response to the inputs"
+        elif not np.isfinite(worse):
+            why = "but the record is too short to simulate held-out samples: nothing is filtered"
         sentence = f"The disturbance drifts (BIC {bic[NO_FILTER] - bic[best]:.3g} lower), {why}."
     criterion = "BIC of ARX models on the same samples, not divided by their number"
     alternatives = tuple(Alternative(str(path), value) for path, value in bic.items())
