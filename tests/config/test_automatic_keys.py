@@ -76,6 +76,7 @@ def test_defaults_decide_for_every_data_set():
         ", structure: bj, orders: {nc: [1, 3]}, delay: {nk: 1}, purpose: modes",
         ", split: {discard: 0.1}, resample: 50, search: {objective: quadratic, seed: 4}",
         ", transforms: {difference: 1, difference_input: 1}",
+        ", transforms: {difference: 1, difference_input: 1, difference_pole: 0.9}",
     ],
 )
 def test_the_complete_configuration_gives_the_same_settings(keys):
@@ -94,6 +95,8 @@ def test_the_complete_configuration_gives_the_same_settings(keys):
         (", structure: oe, orders: {nc: 2}", "datasets.pump.orders.nc: structure oe has no such"),
         (", structure: impulse, recipe: chapter", "orders, and a regularised response has none"),
         (", purpose: control", "give what the model is for, auto, simulation, prediction or modes"),
+        (", transforms: {difference_pole: 0.9}", "each input and output; write difference: 1"),
+        (", transforms: {difference: 2, difference_pole: 0.9}", "takes the place of one"),
         (", split: {estimation: 1.0}", "takes all samples, so none are left to validate on"),
     ],
 )
