@@ -21,7 +21,7 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.report.results_text import delay_words
 from evopem.report.verdict import DESIRABLE, ESSENTIAL, mode_lines, verdict
 from evopem.report.verdict_file import verdict_file
-from evopem.results.dataset import StatedDelay
+from evopem.results.dataset import DatasetResults, StatedDelay
 from evopem.results.fleet import summarize
 from evopem.validation.checks import CHECKS, Check
 from evopem.validation.distortion import Distortion, Floor
@@ -426,3 +426,15 @@ def test_numbers_that_are_not_known_are_null_in_verdict_json(identified):
     written = to_json(verdict_file(results, summary, identified.files))
     assert written["simulation_error_percent"] is None
     assert written["prediction_error_percent"] > 0
+
+
+def test_the_way_back_to_recorded_units_is_named(results, monkeypatch):
+    record = results.model
+    recorded = replace(results.recorded, simulation_error_percent=80.0, integrations=1)
+    for pole, name in ((0.0, "differences"), (0.97, "filter")):
+        transforms = replace(record.transforms, difference=1, difference_pole=pole)
+        changed = replace(results, model=replace(record, transforms=transforms))
+        monkeypatch.setattr(DatasetResults, "recorded", recorded)
+        uses = {use.name: use.reason for use in verdict(changed).uses}
+        reason = uses["simulation of the output as recorded"]
+        assert reason.endswith(f"because undoing the {name} sums up the error")

@@ -200,7 +200,8 @@ def _simulations(results: DatasetResults) -> list[Use]:
     if recorded is not None:
         error = recorded.simulation_error_percent
         summed = recorded.integrations and _by_error(error)[0] != "good"
-        undone = ", because undoing the differences sums up the error" if summed else ""
+        filtered = "filter" if results.model.transforms.difference_pole else "differences"
+        undone = f", because undoing the {filtered} sums up the error" if summed else ""
         name, of_recorded = f"simulation of the {outputs} as recorded", [_by_error(error, undone)]
         said = [
             ("simulation", f"simulation of the transformed {outputs}", [of_error, worst_of]),

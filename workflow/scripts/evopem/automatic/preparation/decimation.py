@@ -114,10 +114,8 @@ def coherence_edge(stretches: Sequence[Segment]) -> float:
 
 
 def _is_confirmed(stretches: Sequence[Segment], factor: int) -> bool:
-    """Whether a lower rate gains by models that have the delays of the inputs.
-
-    A few coefficients do not reach behind a long delay, which is shorter at a lower rate.
-    """
+    """Whether a lower rate gains by models that have the delays of the inputs. A few coefficients
+    do not reach behind a long delay, which is shorter at a lower rate."""
     limits = [(0, longest_delay(stretches))] * stretches[0].inputs.shape[1]
     nk = tuple(likely.delay for likely in likely_delays(stretches, limits))
     recorded, lower = (_decimated_error(stretches, f, nk) for f in (1, factor))

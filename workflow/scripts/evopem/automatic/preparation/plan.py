@@ -210,10 +210,8 @@ def stretches_of(recording: Recording, plan: PreparationPlan) -> list[Stretch]:
 
 
 def _kept_ranges(segment: Segment, start: int, plan: PreparationPlan) -> list[tuple[int, int]]:
-    """First sample of each stretch from ``start`` on that is long enough, and the one after it.
-
-    At the recorded rate.
-    """
+    """First sample of each stretch from ``start`` on that is long enough, and the one after it. At
+    the recorded rate."""
     signals = np.column_stack([segment.inputs, segment.outputs])
     good = np.isfinite(np.sum(signals, axis=1))
     y, (low, high) = segment.outputs[good], plan.clipped

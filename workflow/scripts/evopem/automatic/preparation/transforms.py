@@ -146,10 +146,8 @@ def _drift(stretches: Sequence[Segment]) -> TransformPlan:
 
 
 def _slope_and_ratio(stretches: Sequence[Segment]) -> tuple[float, float]:
-    """Slope of the output beside its response to the inputs, over its standard error as well.
-
-    That of time and output after all other columns (Frisch & Waugh 1933).
-    """
+    """Slope of the output beside its response to the inputs, over its standard error as well. That
+    of time and output after all other columns (Frisch & Waugh 1933)."""
     n, rows, targets = DRIFT_ORDER, [], []
     for stretch in (long for long in stretches if long.samples > 2 * DRIFT_ORDER):
         u = stretch.inputs - stretch.inputs.mean(axis=0)
