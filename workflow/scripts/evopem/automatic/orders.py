@@ -146,7 +146,8 @@ def _needless(scorer: Scorer, known: Sequence[Candidate]) -> str:
         return ""
     likeliest = min(polynomials, key=BIC)
     checks = scorer.checks(likeliest)
-    if checks.whiteness < SIGNIFICANCE or not {EXCITATION_ADEQUATE}.issuperset(checks.failed):
+    is_white = checks.whiteness >= SIGNIFICANCE  # not where it is not known
+    if not (is_white and {EXCITATION_ADEQUATE}.issuperset(checks.failed)):
         return ""
     name = f"{likeliest.name}, the likeliest of the polynomials,"
     return f"Not searched: {name} fails no check, that of excitation apart."

@@ -54,7 +54,7 @@ class TransformSettings:
     difference_input: Differences = 0
     """the number of times to difference the input"""
     difference_pole: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    """the pole of a high-pass filter in place of first differences"""
+    """the pole of a high-pass filter in place of first differences of input and output"""
 
 
 @dataclass(frozen=True)
