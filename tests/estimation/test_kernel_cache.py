@@ -66,6 +66,12 @@ def run(package, code=RUN, **environment):
     return tuple(int(number) for number in ended.stdout.split()), ended.stderr
 
 
+def test_of_what_compiles_quickly_nothing_is_said(package):
+    quick = OUTER.replace("@cached_njit", "@partial(cached_njit, is_quick=True)")
+    (package / "outer.py").write_text("from functools import partial\n" + quick)
+    assert run(package) == ((20, 0, 1), "")
+
+
 def test_a_change_in_one_file_invalidates_what_other_files_compiled_and_a_touch_does_not(package):
     (found, message) = run(package)
     assert found == (20, 0, 1)

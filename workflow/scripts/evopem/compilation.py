@@ -86,11 +86,13 @@ def allocating_njit(function: Callable[..., Any]) -> Any:
     return numba.njit(**_ALLOCATING_PART)(function)
 
 
-def cached_njit(function: Callable[..., Any]) -> Any:
+def cached_njit(function: Callable[..., Any], is_quick: bool = False) -> Any:
     """Compile a function that Python calls, on first use, and keep the result on disk.  What it
-    calls must be defined in the same folder, or be compiled by numba itself."""
+    calls must be defined in the same folder, or be compiled by numba itself.  Of a quick one that
+    not every first search needs nothing is said."""
     dispatcher: Any = numba.njit(**_OPTIONS)(function)
     dispatcher._cache = _FolderCache(function)
+    dispatcher._cache.is_quick = is_quick
     dispatcher._compiler.compile = _without_collections()(dispatcher._compiler.compile)
     return dispatcher
 
@@ -151,6 +153,7 @@ class _FolderCache(caching.FunctionCache):
     """numba's cache of one function, with the folder's digest as source stamp."""
 
     _impl_class = _FolderCacheImplementation
+    is_quick: bool
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         # What is loaded needs the counts of references alone, not all that numba compiles by, which
@@ -162,7 +165,7 @@ class _FolderCache(caching.FunctionCache):
             # The index names what another version of the package had.
             self._cache_file.flush()
             loaded = None
-        if loaded is None:
+        if loaded is None and not self.is_quick:
             _announce(os.getpid())
         return loaded
 

@@ -164,10 +164,8 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
 
 
 def _eligible(search: StructureSearch) -> Sequence[Candidate]:
-    """The candidates of a structure that may be chosen.
-
-    Errors that are not white raise the number of states of the lowest BIC, but never lower it.
-    """
+    """The candidates of a structure that may be chosen. Errors that are not white raise the number
+    of states of the lowest BIC, but never lower it."""
     known = search.candidates
     if not known or known[0].polynomials is not None:
         return known
@@ -193,10 +191,8 @@ def _level_of(candidates: Sequence[Candidate]) -> tuple[Level, Decision]:
 
 def _with_valid_noise(candidates: list[Candidate]) -> tuple[list[Candidate], list[Decision]]:
     """The models whose noise model does not make errors on held-out samples half as large again.
-
     All where there is none.  Many coefficients, with roots of C at the bound, fit the noise of a
-    short record alone.
-    """
+    short record alone."""
     kept = [c for c in candidates if not c.scores.prediction > HARMFUL * c.scores.simulation]
     if len(kept) in (0, len(candidates)):
         return candidates, []
@@ -222,10 +218,8 @@ def _finalists(candidates: Sequence[Candidate], score: Score) -> list[Candidate]
 
 
 def _at_likely_delay(scorer: Scorer, start: Candidate) -> Candidate:
-    """A candidate, or the same with another likely delay of an input where the BIC is lower.
-
-    The BIC of coloured residuals tells no delay.
-    """
+    """A candidate, or the same with another likely delay of an input where the BIC is lower. The
+    BIC of coloured residuals tells no delay."""
     is_white = scorer.checks(start).whiteness >= BY_CHANCE
     best, models = start, [start.polynomials] if start.polynomials is not None else []
     for place, likely in enumerate(scorer.likely if is_white else ()):
@@ -260,12 +254,10 @@ def _for_simulation(
 def _by_likelihood(
     scorer: Scorer, candidates: Sequence[Candidate], kind: Kind, lowest: Candidate, fed_back: bool
 ) -> tuple[Candidate, str] | None:
-    """A model by its likelihood, where it is valid; ``lowest`` simulates best of all.
-
-    Maximum likelihood is efficient where the residuals are white and independent of the input, and
-    unbiased where the input depends on them.  Simulation errors contain the noise as a whole; where
-    it is narrow in frequency, they differ by chance by far more than the models do.
-    """
+    """A model by its likelihood, where it is valid; ``lowest`` simulates best of all. Maximum
+    likelihood is efficient where the residuals are white and independent of the input, and unbiased
+    where the input depends on them.  Simulation errors contain the noise as a whole; where it is
+    narrow in frequency, they differ by chance by far more than the models do."""
     score, likeliest = score_of(kind), min(candidates, key=BIC)
     checks = scorer.checks(likeliest)
     may_be_worse = not checks.failed or may_be_chance(likeliest, lowest, kind)
@@ -320,10 +312,8 @@ def _without_evidence(
 
 
 def _smallest(scorer: Scorer, candidates: Sequence[Candidate], criterion: Score) -> Candidate:
-    """The fewest failed checks, then parameters, of those without strong evidence against them.
-
-    Of as many parameters polynomials, whose orders may be refined one by one.
-    """
+    """The fewest failed checks, then parameters, of those without strong evidence against them. Of
+    as many parameters polynomials, whose orders may be refined one by one."""
     return min(
         _without_evidence(scorer, candidates, criterion),
         key=lambda c: (

@@ -1,5 +1,7 @@
 """Single polynomials: roots inside a circle, a barrier at its edge, products, filters."""
 
+from functools import partial
+
 import numpy as np
 
 from evopem.compilation import cached_njit, njit
@@ -107,7 +109,7 @@ def stability_barriers(coefficients, radius):
     return values, gradients, curvatures
 
 
-@cached_njit
+@partial(cached_njit, is_quick=True)
 def products_of_sections(reflections, radius):
     """Products of sections ``1 + radius k_1 (1 + k_2) q^-1 + radius^2 k_2 q^-2``, whose roots lie
     within ``radius`` where k_1 and k_2 lie within 1, and of a last ``1 + radius k q^-1`` where
