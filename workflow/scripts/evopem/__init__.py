@@ -12,62 +12,38 @@ from typing import TYPE_CHECKING, Any
 from evopem.version import __version__
 
 if TYPE_CHECKING:
-    from evopem.config.constraints import Constraints, FixedPole, Prior
-    from evopem.config.settings import ScoringWindow, SearchSettings
-    from evopem.errors import InputError
-    from evopem.estimation.delays import estimate_delays
+    from evopem.config.constraints import Constraints as Constraints
+    from evopem.config.constraints import FixedPole as FixedPole
+    from evopem.config.constraints import Prior as Prior
+    from evopem.config.settings import ScoringWindow as ScoringWindow
+    from evopem.config.settings import SearchSettings as SearchSettings
+    from evopem.errors import InputError as InputError
+    from evopem.estimation.delays import estimate_delays as estimate_delays
     from evopem.estimation.model_record import load_model as load
-    from evopem.estimation.polynomial_estimate import PolynomialEstimate
-    from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
-    from evopem.exports.c_code import export_c
-    from evopem.exports.fmu import export_fmu
-    from evopem.models.continuous import ContinuousModel
-    from evopem.models.orders import Orders
-    from evopem.models.polynomial import PolynomialModel
-    from evopem.models.state_space import StateSpaceModel
-    from evopem.models.varying import VaryingModel
-    from evopem.notebook.estimate import estimate
-    from evopem.notebook.identify import estimate_varying, identify, read_results
-    from evopem.notebook.results import Results, VaryingResults
-    from evopem.notebook.state_space import estimates_of_orders, fit_responses
-    from evopem.results.damage_index import damage_index
-    from evopem.signals.readers.frequency_responses import FrequencyResponses
-    from evopem.signals.recording import Recording
-    from evopem.validation.mode_evidence import ModeTable, mode_table
-
-__all__ = [
-    "Constraints",
-    "ContinuousModel",
-    "FixedPole",
-    "FrequencyResponses",
-    "InputError",
-    "ModeTable",
-    "Orders",
-    "PolynomialEstimate",
-    "PolynomialModel",
-    "Prior",
-    "Recording",
-    "Results",
-    "ScoringWindow",
-    "SearchSettings",
-    "StateSpaceEstimate",
-    "StateSpaceModel",
-    "VaryingModel",
-    "VaryingResults",
-    "__version__",
-    "damage_index",
-    "estimate",
-    "estimate_delays",
-    "estimate_varying",
-    "estimates_of_orders",
-    "export_c",
-    "export_fmu",
-    "fit_responses",
-    "identify",
-    "load",
-    "mode_table",
-    "read_results",
-]
+    from evopem.estimation.polynomial_estimate import PolynomialEstimate as PolynomialEstimate
+    from evopem.estimation.state_space.local_estimates import (
+        StateSpaceEstimate as StateSpaceEstimate,
+    )
+    from evopem.exports.c_code import export_c as export_c
+    from evopem.exports.fmu import export_fmu as export_fmu
+    from evopem.models.continuous import ContinuousModel as ContinuousModel
+    from evopem.models.orders import Orders as Orders
+    from evopem.models.polynomial import PolynomialModel as PolynomialModel
+    from evopem.models.state_space import StateSpaceModel as StateSpaceModel
+    from evopem.models.varying import VaryingModel as VaryingModel
+    from evopem.notebook.estimate import estimate as estimate
+    from evopem.notebook.identify import estimate_varying as estimate_varying
+    from evopem.notebook.identify import identify as identify
+    from evopem.notebook.identify import read_results as read_results
+    from evopem.notebook.results import Results as Results
+    from evopem.notebook.results import VaryingResults as VaryingResults
+    from evopem.notebook.state_space import estimates_of_orders as estimates_of_orders
+    from evopem.notebook.state_space import fit_responses as fit_responses
+    from evopem.results.damage_index import damage_index as damage_index
+    from evopem.signals.readers.frequency_responses import FrequencyResponses as FrequencyResponses
+    from evopem.signals.recording import Recording as Recording
+    from evopem.validation.mode_evidence import ModeTable as ModeTable
+    from evopem.validation.mode_evidence import mode_table as mode_table
 
 _NAMES = {
     "evopem.config.constraints": "Constraints FixedPole Prior",
@@ -93,6 +69,7 @@ _NAMES = {
     "evopem.validation.mode_evidence": "ModeTable mode_table",
 }
 _HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}
+__all__ = ["__version__", "load", *_HOMES]
 
 
 def __dir__() -> list[str]:
