@@ -18,7 +18,7 @@ from evopem.estimation.prediction_estimate import (
 from evopem.estimation.search.certificate import Target
 from evopem.estimation.search.problem import Log, SearchResult
 from evopem.estimation.simulation_estimate import simulation_estimate
-from evopem.models.constraint_checks import Focus, check_fit, in_plain_numbers
+from evopem.models.constraint_checks import Focus, check_fit
 from evopem.models.orders import Orders
 from evopem.models.polynomial import of_signals
 from evopem.signals.recording import Recording
@@ -57,10 +57,10 @@ def estimate_polynomial(
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with one_blas_thread():
         errors = checked_errors(data, orders, settings, window, level)
-        given = in_plain_numbers(constraints) if constraints else Constraints()
         horizon = check_fit(focus, constraints, orders, rate, names)
         plain = constraints is None and focus == "prediction"
-        task = EstimationTask(errors, rate, settings, given, names, log, optimum, earlier, target)
+        given = settings, constraints or Constraints(), names
+        task = EstimationTask(errors, rate, *given, log, optimum, earlier, target)
         if orders.structure in REGULARISED:
             fitted = estimate_response(errors, rate)
         elif plain:

@@ -65,7 +65,6 @@ def check_constraints(
 
     ``names`` are those of the inputs, by default 1, 2, ... of several.  InputError names the key.
     """
-    constraints = in_plain_numbers(constraints)
     names = tuple(names) or tuple(str(place + 1) for place in range(orders.inputs))
     refuse(gains_of_other_inputs(constraints, names))
     if orders.inputs > 1:

@@ -16,6 +16,7 @@ from evopem.config.structures import STATE_SPACE_FORMS, check_model
 from evopem.estimation.estimate import estimate_polynomial
 from evopem.estimation.search.certificate import Target
 from evopem.estimation.search.problem import SearchResult
+from evopem.models.constraint_checks import in_plain_numbers
 from evopem.models.orders import orders_in_state_space, orders_of
 from evopem.notebook.estimate_results import PolynomialResults
 from evopem.signals.recording import Recording, recording_of
@@ -122,6 +123,7 @@ def estimate(
     if not isinstance(settings, SearchSettings | None):
         raise ValueError(f"settings must be SearchSettings, not {settings!r}")
     recording = recording_of(input, output, sampling_rate)
+    constraints = in_plain_numbers(constraints) if constraints else None
     if not level:
         _warn_of_level(recording.signals)
     _warn_of_inputs(recording)
@@ -155,7 +157,8 @@ def _warn_of_level(signals: Mapping[str, Array]) -> None:
     """Warn of constant parts, which a model without a level has no term for."""
     for name, signal in signals.items():
         mean, deviation = signal.mean(), signal.std()
-        if abs(mean) > LEVEL_WARNING * deviation:
+        # A constant signal is no level beside its changes.
+        if LEVEL_WARNING * deviation < abs(mean) < deviation / DEPENDENT:
             warnings.warn(
                 f"the mean of {name} is {mean:.3g}, with a standard deviation of"
                 f" {deviation:.3g}: the model has no constant term, so set level=True, or subtract"

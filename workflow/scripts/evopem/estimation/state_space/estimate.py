@@ -199,11 +199,8 @@ def estimates_of_orders(
     plants = replace(task, structure="ss_oe", weighting=PLANT_WEIGHTING, covariances=False)
     given = recording, orders, plants, min(width, WIDTH), steps, starts, log
     for plant in plain_estimates(*given):
-        try:
-            estimate = estimate_beside(plant.model, recording, task)
-        except ValueError:
-            continue
-        yield replace(estimate, order=plant.order)
+        with suppress(NoModelError):
+            yield replace(estimate_beside(plant.model, recording, task), order=plant.order)
 
 
 def noise_orders(recording: Recording) -> tuple[int, ...]:
