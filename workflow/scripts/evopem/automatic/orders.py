@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from evopem.automatic.candidate_checks import BY_CHANCE, feedback_test
 from evopem.automatic.candidates import (
     BIC,
     GAIN,
@@ -20,13 +19,12 @@ from evopem.automatic.candidates import (
 )
 from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
-from evopem.automatic.fit import ArxFit, likeliest_arx
 from evopem.automatic.state_space import fits_in_state_space, from_likeliest
 from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges
 from evopem.config.structures import OF_SIMULATION, REGULARISED, is_polynomial
 from evopem.errors import NoModelError
-from evopem.estimation.delays import ORDERS, SHORT_DELAY, likely_delays, longest_delay
+from evopem.estimation.delays import SHORT_DELAY, is_of_feedback, likely_delays, longest_delay
 from evopem.estimation.search.problem import Log
 from evopem.models.orders import Orders, changed, neighbours
 from evopem.models.polynomial import PolynomialModel
@@ -291,11 +289,6 @@ def with_white_noise(scorer: Scorer, start: Candidate) -> Candidate | None:
 
 # Alternatives of each input that are recorded.
 RECORDED = 5
-# Shares of an input that past residuals explain, and of what is new in it that its reference has,
-# below which feedback hardly explains a response to the same sample.  Of 330 recordings under
-# proportional feedback to other references, 28 are found to be fed back and would have delay 0:
-# none is below both.  Of 657 that are found under feedback of gains to 6, 25 are.
-WEAK, OF_REFERENCE = 0.05, 0.01
 
 
 @dataclass(frozen=True)
@@ -317,7 +310,7 @@ def decide_delays(
     """
     segments = first_samples(segments, MOST_SAMPLES)
     given = of_each(ranges, names, "delay.nk") if names else ()
-    shortest = int(ranges is None and _is_fed_back(segments))
+    shortest = int(ranges is None and is_of_feedback(segments))
     limits = [limit or (shortest, longest_delay(segments)) for limit in given]
     if all(low == high for low, high in limits):
         delays = tuple(low for low, _ in limits)
@@ -337,7 +330,7 @@ def decide_delays(
     if any(len(of_input) > 1 for of_input in likely):
         sentence += " Taken is the shortest that is not clearly less probable than the others."
     if shortest:
-        sentence += " The input depends on past residuals: feedback, which looks like a delay of 0."
+        sentence += " What the same samples share is likelier of feedback than of a delay of 0."
     criterion = "−2 ln of the probability over that of the likeliest delay"
     about = Decision("delay", _listed(delays), alternatives, criterion, sentence)
     return DelayChoice(delays, about, likely, shortest)
@@ -354,27 +347,3 @@ def in_runs(delays: Sequence[int]) -> str:
         return f"{len(delays)} from {delays[0]} to {delays[-1]}"
     pairs = zip(*ends, strict=True)
     return ", ".join(f"{low} to {high}" if high > low else str(low) for low, high in pairs)
-
-
-def _is_fed_back(segments: Sequence[Segment]) -> bool:
-    """Whether an input depends on past residuals of ARX models that know its same sample. Feedback
-    that explains little of the input may pass for a response to the same sample, but not for nearly
-    all that is new in the output: that would leave the reference next to nothing."""
-    longest = max(segments, key=lambda segment: segment.samples)
-    for output in range(longest.outputs.shape[1]):
-        alone = longest.of_output(output)
-        arx = likeliest_arx([alone], ORDERS, max(ORDERS)) if longest.inputs.shape[1] else None
-        test = feedback_test(arx.model, [alone]) if arx else None
-        if arx is None or test is None or test.p_value >= BY_CHANCE:
-            continue
-        if test.share >= WEAK or _left_by_same_sample(alone, arx) >= OF_REFERENCE:
-            return True
-    return False
-
-
-def _left_by_same_sample(segment: Segment, arx: ArxFit) -> float:
-    """What the same sample of the inputs leaves of what is new in the output, by mean squares."""
-    late = Segment(segment.inputs[:-1], segment.outputs[1:])
-    without = likeliest_arx([late], ORDERS, max(ORDERS))
-    left = 1.0 if without is None else np.mean(arx.residuals**2) / np.mean(without.residuals**2)
-    return float(left)

@@ -32,7 +32,7 @@ from evopem.automatic.fold_errors import (
     score_of,
     simplest,
 )
-from evopem.automatic.orders import WEAK, refine_orders
+from evopem.automatic.orders import refine_orders
 from evopem.automatic.preparation.disturbance import follow_input
 from evopem.config.settings import Purpose
 from evopem.errors import NoModelError
@@ -50,6 +50,8 @@ FINALISTS = 2
 MOST_DELAYS, POSITIVE = 12, 2.0
 # One-step errors over simulation errors, on held-out samples, that refute a noise model.
 HARMFUL = 1.5
+# Share of an input that past residuals explain, below which a missed nonlinearity may be the cause.
+WEAK = 0.05
 # The largest logarithm of a ratio of errors that standard errors of few folds may call chance.
 MOST_BY_CHANCE = 1.0
 

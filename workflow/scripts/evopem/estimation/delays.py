@@ -24,6 +24,8 @@ LONGEST_DELAY, SHORT_DELAY = 200, 10
 # A delay takes up to this share of the samples away from the comparison: of 120 recordings of 160
 # to 1,200 samples with delays to 60, 3 were wrong by more than 2 with a fifth, none with a third.
 LONGEST_SHARE = 3
+# Difference of BIC, times the samples, that is evidence of feedback (Kass & Raftery 1995).
+POSITIVE = 2.0
 # Samples for each coefficient of an output.
 SAMPLES_PER_COEFFICIENT = 5
 # Difference of BIC, times the samples, that decides nothing: the smallest of such delays is taken.
@@ -191,6 +193,51 @@ def delay_scores(
             by_prior = np.inf if clear else problem.evidence(place, delays, tried)
             total -= 2.0 * np.logaddexp(-0.5 * by_arx, -0.5 * by_prior)
     return np.asarray(total)
+
+
+def is_of_feedback(segments: Sequence[Segment]) -> bool:
+    """Whether feedback explains better than a delay of 0 what input and output share at once.
+
+    Both make their innovations correlated, of the same likelihood (Gevers & Anderson 1981). The
+    BIC of ARX models of both tells which of them needs less: an output behind a delay and an input
+    that knows its same sample, or other pairs.
+    """
+    inputs, outputs = segments[0].inputs.shape[1], segments[0].outputs.shape[1]
+    for j, i in np.ndindex(outputs, inputs):
+        alone = [segment.of_output(j) for segment in segments]
+        with one_blas_thread():
+            of_output, of_input = _at_once(alone, i, inputs), _at_once(alone, inputs, i)
+        others = min(of_output[:2]) + min(of_input[1:])
+        if of_output[1] + of_input[0] + POSITIVE < others:
+            return True
+    return False
+
+
+def _at_once(segments: Sequence[Segment], cause: int, effect: int) -> list[float]:
+    """Lowest BIC of ARX models of one channel, those of inputs first, with lags of another from 0
+    or 1 on, or none."""
+    inputs = [cause, *sorted({*range(segments[0].inputs.shape[1] + 1)} - {cause, effect})]
+    parts = []
+    for segment in segments:
+        z = np.column_stack([segment.inputs, segment.outputs])
+        parts.append(Segment(z[:, inputs], z[:, [effect]], segment.recording))
+    lags = max(min(max(ORDERS), max(segment.samples for segment in segments) // 2), 1)
+    problem = _Regression(parts, lags, lags)
+    n, lowest, stop = problem.count, [math.inf] * 3, problem.triangle.shape[1] - 1
+    if n < SAMPLES_PER_COEFFICIENT * problem.fewest:
+        return lowest
+    rounding = np.finfo(float).eps * np.linalg.norm(problem.triangle[:, stop]) + 1e-300
+    for past in (0, *problem.orders):
+        rest = chain(*(problem._columns(k, 0, past + 1) for k in range(1, problem.m)))
+        base = [*range(stop - problem.constants, stop), *range(past), *rest]
+        for first in (0, 1):
+            columns = [*base, *problem._columns(0, first, max(problem.orders)), stop]
+            r: Array = np.asarray(np.linalg.qr(problem.triangle[:, columns], mode="r"))
+            bic = n * np.log(np.cumsum(r[::-1, -1] ** 2)[::-1] + rounding**2)
+            bic += math.log(n) * np.arange(len(bic))
+            lowest[first] = min(lowest[first], *bic[len(base) + 1 :])
+            lowest[2] = min(lowest[2], bic[len(base)])
+    return lowest
 
 
 def _is_slow(segments: Sequence[Segment], place: int) -> bool:
