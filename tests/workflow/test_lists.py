@@ -86,6 +86,26 @@ def test_results_that_went_bad_are_not_listed_as_complete(copy_of_two, two):
     assert ">b</a>" not in (folder.results / "index.html").read_text()
 
 
+def test_an_edited_result_is_listed_as_changed_until_it_is_made_again(copy_of_two, two):
+    """No job reads it, so that its time alone starts none."""
+    folder, before = copy_of_two, table(two)
+    validation = Path(folder.files_of("a").validation)
+    text = validation.read_text()
+    validation.write_text(text.replace("e", "f", 1))
+    folder.finish("--cores", "1")
+    status, problem, _ = table(folder)["a"]
+    assert status == "failed"
+    assert problem.startswith("results/a/validation.json: was changed or damaged")
+    assert table(folder)["b"] == before["b"]
+    assert folder.planned() == {}
+
+    validation.unlink()
+    folder.finish("--cores", "1")
+    assert table(folder) == before
+    assert validation.read_text() == text
+    assert folder.planned() == {}
+
+
 @pytest.fixture(scope="module")
 def staged(finished, tmp_path_factory):
     """A finished run with a job for each stage, and lists of before: they are made again."""

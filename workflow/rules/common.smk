@@ -26,6 +26,7 @@ from evopem.config.rule_digest import code_version
 from evopem.config.schema import schema_file
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
+from evopem.files.checksums import changed_results
 from evopem.files.job import interrupt_on_hangup
 from evopem.files.json_form import to_json
 from evopem.pipeline.planning.constraint_plan import check_planned_fits
@@ -250,6 +251,12 @@ def batches_of(jobs):
     """The batches that jobs belong to."""
     batches = {getattr(job.wildcards, "batch", None) for job in jobs}
     return batches & provider.config.batches.keys()
+
+
+def changed_in(datasets):
+    """The results of data sets that were edited or damaged after they were written, in a text."""
+    folders = [DatasetFiles.of_dataset(name).folder for name in datasets]
+    return " ".join(path for folder in folders for path in changed_results(folder))
 
 
 def left_of(jobs):

@@ -36,6 +36,8 @@ rule list_datasets:
             "following": to_json(provider.config.following),
             "setups": list(provider.setups),
         },
+        # An edited result is no input of the lists, which then call its data set failed.
+        changed=lambda wildcards: changed_in(provider.config.datasets),
         code=code([module_of(LIST)], TEMPLATES),
     script:
         "../scripts/run_stage.py"

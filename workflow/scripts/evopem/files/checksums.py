@@ -93,6 +93,17 @@ def sources(folder: str | Path) -> Iterator[tuple[Path, Path, str]]:
             yield folder / next(iter(made)), folder / path, checksum
 
 
+def changed_results(folder: str | Path) -> Iterator[str]:
+    """Results of a folder that are not as their jobs wrote them, among those touched since then."""
+    for file in _checksum_files(Path(folder)):
+        written = file.stat().st_mtime_ns
+        for path, checksum in _read(file)[0].items():
+            result = Path(folder) / path
+            touched = result.is_file() and result.stat().st_mtime_ns > written
+            if touched and not _is_right(result, checksum):
+                yield str(result)
+
+
 GENERATOR = '<meta name="generator" content="evopem">'
 """Mark of a page that evopem wrote, in its head."""
 
