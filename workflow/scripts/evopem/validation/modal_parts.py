@@ -204,11 +204,16 @@ def pole_count(model: Model) -> int:
     return int(np.sum(np.abs(model.poles()) > DELAY_RADIUS))
 
 
+def has_known_damping(mode: Mode) -> bool:
+    """Whether the damping ratio of a mode is far from zero in standard errors."""
+    return mode.damping_ratio >= KNOWN_DAMPING * mode.damping_se
+
+
 def keeps_half(model: Model, mode: Mode) -> bool:
     """Whether a mode of known damping keeps half its amplitude there, at its upper 95 % limit."""
-    damping, error = mode.damping_ratio, mode.damping_se
-    decay = 2.0 * math.pi * mode.frequency_hz * (damping + NORMAL_95 * error) / model.sampling_rate
-    return damping >= KNOWN_DAMPING * error and math.exp(-2.0 * pole_count(model) * decay) >= HALF
+    damping = mode.damping_ratio + NORMAL_95 * mode.damping_se
+    decay = 2.0 * math.pi * mode.frequency_hz * damping / model.sampling_rate
+    return has_known_damping(mode) and math.exp(-2.0 * pole_count(model) * decay) >= HALF
 
 
 def is_driven_clearly(test: HeldOutTest) -> bool:

@@ -27,8 +27,8 @@ from evopem.models.response_tables import Column, shaped_modes_table
 from evopem.signals.recording import Recording
 from evopem.validation.held_out_tests import NO_TEST, SIGNIFICANCE, HeldOutTest
 from evopem.validation.modal_parts import (
-    KNOWN_DAMPING,
     ModeTests,
+    has_known_damping,
     held_out_mode_tests,
     is_driven_clearly,
     is_short,
@@ -328,15 +328,14 @@ def doubts(
     with power to speak of; three quarters of the models of other orders have it, all of the last
     three where the largest was chosen, or all with enough poles at a level of 1e-6, or one of these
     and the inputs drive it clearly and most models do not have it elsewhere; and its frequency is
-    known to within 10 %, or the bandwidth.
-    Without an input, one of more than 3 % damping has a known shape.  ``finite``: the response may
-    be a finite one.
+    known to within 10 %, or the bandwidth.  Without an input, one of more than 3 % damping has a
+    known shape.  ``finite``: the response may be a finite one.
     """
     mode, reasons = evidence.mode, []
     driven = is_driven_clearly(evidence.input_test)
     clear = driven and not evidence.elsewhere
     clear &= evidence.confirmed or evidence.stable is not False
-    lasts = driven or mode.damping_ratio >= KNOWN_DAMPING * mode.damping_se
+    lasts = driven or has_known_damping(mode)
     decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
     colour = COLOUR_OF_FORCES if shape_doubt(mode) else COLOUR_OF_FORCE
     if mode.damping_ratio > STRONG_DAMPING or mode.frequency_hz > sampling_rate / 2:
