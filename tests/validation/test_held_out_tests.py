@@ -215,6 +215,14 @@ def test_a_test_shows_a_part_whose_coefficient_it_knows_well():
     assert [test.would_show(0.01) for test in (known, vague, NO_TEST)] == [True, False, False]
 
 
+def test_samples_of_a_fit_show_only_what_is_larger_than_the_largest_by_chance():
+    """One of twelve coefficients is 6.7 by chance at 1 %; a right part has 2.3 more in 99 %."""
+    tests = [HeldOutTest(0.7, 0.7 * t, 0.0, 1500) for t in (4.0, 5.9, 8.8, 9.2)]
+    assert [test.would_show(0.01) for test in tests] == [False, True, True, True]
+    in_sample = [test.of_largest(12).would_show(0.01) for test in tests]
+    assert in_sample == [False, False, False, True]
+
+
 def looped(white, noise):
     """An input under proportional feedback of a first-order plant."""
     u, y = np.zeros((2, len(white)))

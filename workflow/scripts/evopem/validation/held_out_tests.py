@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from scipy.special import chdtrc, ndtri, stdtr
+from scipy.special import chdtrc, chdtri, ndtri, stdtr
 
 from evopem.arrays import Array
 from evopem.signals.least_squares import autoregression
@@ -36,6 +36,7 @@ class HeldOutTest:
     # :data:`FEWEST_SAMPLES` samples, a part that contributes nothing, or an input that rests
     p_value: float
     samples: int  # number of held-out samples
+    fitted: int = 0  # to the samples themselves, coefficients of the part; see :meth:`of_largest`
 
     def significant(self, level: float) -> bool | None:
         """Whether the part is significant at a level; None where no test is possible."""
@@ -43,12 +44,15 @@ class HeldOutTest:
 
     def would_show(self, level: float) -> bool:
         """Whether it misses a part that is right no more often than it finds one that is not."""
-        return abs(self.statistic) >= -2.0 * float(ndtri(level)) * abs(self.coefficient)
+        power = least = -float(ndtri(level))
+        if self.fitted:
+            least = math.sqrt(chdtri(self.fitted, 2.0 * level / self.samples))
+        return abs(self.statistic) >= (least + power) * abs(self.coefficient)
 
     def of_largest(self, fitted: int) -> Self:
         """The test on samples that a resonance was ``fitted`` to, the best of half as many."""
         by_chance = 0.5 * self.samples * float(chdtrc(fitted, max(self.statistic, 0.0) ** 2))
-        return replace(self, p_value=min(by_chance, 1.0) + 0.0 * self.p_value)
+        return replace(self, p_value=min(by_chance, 1.0) + 0.0 * self.p_value, fitted=fitted)
 
 
 NO_TEST = HeldOutTest(math.nan, math.nan, math.nan, 0)
