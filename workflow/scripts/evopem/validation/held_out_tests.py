@@ -44,10 +44,10 @@ class HeldOutTest:
 
     def would_show(self, level: float) -> bool:
         """Whether it misses a part that is right no more often than it finds one that is not."""
-        power = least = -float(ndtri(level))
-        if self.fitted:
-            least = math.sqrt(chdtri(self.fitted, 2.0 * level / self.samples))
-        return abs(self.statistic) >= (least + power) * abs(self.coefficient)
+        power = -float(ndtri(level))
+        # Of the largest by chance, see :meth:`of_largest`.
+        square = chdtri(self.fitted, 2.0 * level / self.samples) if self.fitted else power**2
+        return abs(self.statistic) >= (math.sqrt(square) + power) * abs(self.coefficient)
 
     def of_largest(self, fitted: int) -> Self:
         """The test on samples that a resonance was ``fitted`` to, the best of half as many."""

@@ -140,8 +140,7 @@ def _nearest(zeros: Complex, pole: complex) -> Array:
     nearest = complex(zeros[np.argmin(np.abs(zeros - pole))])
     if nearest.imag != 0.0:
         return _factor(nearest)
-    real = np.sort(zeros[zeros.imag == 0.0].real)
-    by_distance = real[np.argsort(np.abs(real - pole), kind="stable")]
+    by_distance = sorted(zeros[zeros.imag == 0.0].real, key=lambda zero: abs(zero - pole))
     # A real zero without a partner is the last one left beside complex pairs.
     return np.real(np.poly(by_distance[:2]))
 

@@ -309,9 +309,10 @@ def _with_pairs(
     modes = []
     for judged_mode in judged:
         mode, pair = judged_mode.mode, None
-        if judged_mode.shape_doubt and mode.partner is not None:
+        mixed = len(mode.shape) > 2 and mode.equal_poles_p > POLES_APART
+        if judged_mode.shape_doubt and mixed and mode.partner is not None:
             partner = by_order[judged_mode.order].modes[mode.partner]
-            if _plane_is_known(mode, partner):
+            if min(mode.plane_assurance, partner.plane_assurance) >= KNOWN_SHAPE:
                 pair = row_of.get((judged_mode.order, mode.partner))
         modes.append(replace(judged_mode, pair=pair))
     return tuple(modes)
@@ -391,9 +392,3 @@ def shape_doubt(mode: Mode) -> str:
     if mode.shape_assurance < KNOWN_SHAPE:
         return f"a MAC of only {mode.shape_assurance:.2f} is expected with the true shape"
     return ""
-
-
-def _plane_is_known(mode: Mode, partner: Mode) -> bool:
-    """Whether two shapes that may be mixed lie in one plane of more than two outputs, and known."""
-    mixed = len(mode.shape) > 2 and mode.equal_poles_p > POLES_APART
-    return mixed and min(mode.plane_assurance, partner.plane_assurance) >= KNOWN_SHAPE
