@@ -11,9 +11,10 @@ from evopem.automatic.candidate_checks import feedback_test
 from evopem.automatic.candidates import OrderLimits, Scorer
 from evopem.automatic.cross_validation.folds import decide_folds
 from evopem.automatic.fit import CommonSettings
-from evopem.automatic.orders import decide_delays, in_runs, search_structure
+from evopem.automatic.orders import _paths, decide_delays, in_runs, search_structure
 from evopem.automatic.structures import _at_likely_delay
 from evopem.config.settings import OrderRanges
+from evopem.estimation import delays as estimation_delays
 from evopem.estimation.delays import delays_by_criterion, longest_delay
 from evopem.models.orders import Orders
 from evopem.models.state_space import StateSpaceModel
@@ -217,6 +218,23 @@ def test_weak_feedback_does_not_hide_a_response_to_the_same_sample():
     y = lfilter([1.0, -0.5], [1.0, -0.9], u) + 0.05 * lfilter([1.0], [1.0, -0.9], e)
     choice = decide_delays([Segment(u, y)], ["u"])
     assert (choice.delays, choice.shortest) == ((0,), 0)
+
+
+@pytest.mark.parametrize(("against", "early"), [(12.0, 3), (30.0, 40)])
+def test_structures_are_searched_behind_a_short_delay_too_where_a_long_one_is_doubtful(
+    against, early, monkeypatch
+):
+    def scores(segments, delays, place, tried):
+        return np.array([0.0 if k == 40 else against + abs(k - 3) for k in tried])
+
+    monkeypatch.setattr(estimation_delays, "delay_scores", scores)
+    segments = recorded(0, 0)
+    choice = decide_delays(segments, ["u"])
+    assert (choice.delays, choice.early) == ((40,), (early,))
+    plan = decide_folds(segments)
+    scorer = Scorer(segments, plan, CommonSettings(), delays=choice.delays, early=choice.early)
+    begins = {path[0][0].nk for path in _paths(scorer, "oe")}
+    assert begins == {(40,), (early,)}
 
 
 def test_regularised_responses_begin_early_too_where_the_delay_is_long():

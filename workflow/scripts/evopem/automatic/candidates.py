@@ -199,7 +199,8 @@ class Scorer:
     samples; :meth:`on_all_samples` fits what was chosen to all.
 
     ``limits``: of the orders of candidates.  ``delays``: of the inputs, of models whose orders have
-    none.  ``likely``: delays of each input that are likely.
+    none.  ``likely``: delays of each input that are likely.  ``early``: short ones that long delays
+    leave possible, or the same.
     """
 
     def __init__(
@@ -210,9 +211,10 @@ class Scorer:
         limits: OrderLimits = OrderLimits(),
         delays: tuple[int, ...] = (),
         likely: tuple[tuple[int, ...], ...] = (),
+        early: tuple[int, ...] = (),
     ) -> None:
         self.whole, self.plan, self.settings = tuple(stretches), plan, settings
-        self.limits, self.delays, self.likely = limits, delays, likely
+        self.limits, self.delays, self.likely, self.early = limits, delays, likely, early
         inputs, outputs = stretches[0].inputs.shape[1], stretches[0].outputs.shape[1]
         self.has_input = inputs > 0
         self.stretches = first_samples(stretches, MOST_SAMPLES) if outputs == 1 else self.whole

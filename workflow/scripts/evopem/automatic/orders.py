@@ -212,14 +212,16 @@ def _decision(
 
 
 def _paths(scorer: Scorer, structure: str) -> Iterator[list[list[Orders]]]:
-    """Orders from small to large; those of a step are alternatives of about the same size.
+    """Orders from small to large; those of a step are alternatives of about the same size. Again
+    behind short delays where long ones are not certain.
 
     One without poles is left out where limits ask for some.  A regularised response also begins as
     early as it may where the delay is long: it needs none, and a long one is the more often wrong.
     """
     late = scorer.plan.late_response * (structure in REGULARISED)
     forms = [
-        (form, known, scorer.delays)
+        (form, known, delays)
+        for delays in dict.fromkeys((scorer.delays, scorer.early or scorer.delays))
         for form, known in PATHS.get(structure, {structure: PATH}).items()
     ]
     if structure in REGULARISED and max(scorer.delays, default=0) > SHORT_DELAY:
@@ -299,6 +301,7 @@ class DelayChoice:
     decision: Decision
     likely: tuple[tuple[int, ...], ...] = ()  # of each input, those that together have 95 %
     shortest: int = 0  # that may be chosen
+    early: tuple[int, ...] = ()  # short ones that long delays leave possible, or the same
 
 
 def decide_delays(
@@ -319,9 +322,9 @@ def decide_delays(
     delays, likely = tuple(d.delay for d in decided), tuple(d.likely for d in decided)
     before = [f"{name}: " * (len(names) > 1) for name in names]
     alternatives = tuple(
-        Alternative(f"{name}{low + place}", float(scores[place]))
-        for name, (low, _), (_, _, scores) in zip(before, limits, decided, strict=True)
-        for place in sorted(scores.argsort()[:RECORDED].tolist())
+        Alternative(f"{name}{low + place}", float(of_input.scores[place]))
+        for name, (low, _), of_input in zip(before, limits, decided, strict=True)
+        for place in sorted(of_input.scores.argsort()[:RECORDED].tolist())
     )
     sets = "; ".join(
         name + in_runs(of_input) for name, of_input in zip(before, likely, strict=True)
@@ -333,7 +336,7 @@ def decide_delays(
         sentence += " What the same samples share is likelier of feedback than of a delay of 0."
     criterion = "−2 ln of the probability over that of the likeliest delay"
     about = Decision("delay", _listed(delays), alternatives, criterion, sentence)
-    return DelayChoice(delays, about, likely, shortest)
+    return DelayChoice(delays, about, likely, shortest, tuple(d.early for d in decided))
 
 
 def _listed(delays: Sequence[int]) -> str:

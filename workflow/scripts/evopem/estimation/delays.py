@@ -128,6 +128,8 @@ class InputDelay(NamedTuple):
     """those that have 95 % of the probability together"""
     scores: Array
     """minus twice the logarithm of the probability of each delay over that of the likeliest one"""
+    early: int
+    """a short delay that is not clearly refuted, or the same"""
 
 
 def likely_delays(
@@ -159,7 +161,10 @@ def likely_delays(
         if doubted:
             against = LITTLE if slow else AS_WELL
             delays[place] = next(k for k in likely if scores[k - low] <= (against if k else 0.0))
-        decided.append(InputDelay(delays[place], likely, scores))
+        short, early = scores[: max(SHORT_DELAY + 1 - low, 0)], delays[place]
+        if early > SHORT_DELAY and np.min(short, initial=np.inf) <= CLEAR:
+            early = low + int(np.argmin(short))
+        decided.append(InputDelay(delays[place], likely, scores, early))
     return decided
 
 

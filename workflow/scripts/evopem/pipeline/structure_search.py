@@ -61,6 +61,7 @@ class Scored:
             limits,
             delay.delays,
             delay.likely,
+            delay.early,
         )
         return cls(prepared, record, scorer)
 
