@@ -193,7 +193,9 @@ def test_a_path_ends_where_no_order_brings_something(structure, lowest, lowest_s
         model = model_of(orders, np.zeros(orders.parameters))
         return Candidate(structure, n, (1,), n, *scores, HeldOutScores(), model)
 
-    scorer = SimpleNamespace(candidate=of_orders, limits=OrderLimits(), delays=(1,), samples=1)
+    scorer = SimpleNamespace(
+        candidate=of_orders, limits=OrderLimits(), delays=(1,), early=(), samples=1
+    )
     scorer.plan = SimpleNamespace(late_response=0)
     found = search_structure(scorer, structure, {})
     assert found.orders[-1] == last

@@ -199,8 +199,7 @@ class Scorer:
     samples; :meth:`on_all_samples` fits what was chosen to all.
 
     ``limits``: of the orders of candidates.  ``delays``: of the inputs, of models whose orders have
-    none.  ``likely``: delays of each input that are likely.  ``early``: short ones that long delays
-    leave possible, or the same.
+    none.  ``likely``: delays of each input that are likely.  ``early``: short ones to try as well.
     """
 
     def __init__(

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, product
 from typing import Any
 
 import numpy as np
@@ -212,21 +212,17 @@ def _decision(
 
 
 def _paths(scorer: Scorer, structure: str) -> Iterator[list[list[Orders]]]:
-    """Orders from small to large; those of a step are alternatives of about the same size. Again
-    behind short delays where long ones are not certain.
+    """Orders from small to large; those of a step are alternatives of about the same size.
 
-    One without poles is left out where limits ask for some.  A regularised response also begins as
-    early as it may where the delay is long: it needs none, and a long one is the more often wrong.
+    One without poles is left out where limits ask for some.  Where a long delay is not certain, all
+    begin early too; where it is long, a regularised response as early as it may: it needs none.
     """
     late = scorer.plan.late_response * (structure in REGULARISED)
-    forms = [
-        (form, known, delays)
-        for delays in dict.fromkeys((scorer.delays, scorer.early or scorer.delays))
-        for form, known in PATHS.get(structure, {structure: PATH}).items()
-    ]
+    early = scorer.early or scorer.delays
     if structure in REGULARISED and max(scorer.delays, default=0) > SHORT_DELAY:
-        forms += [(form, known, (0,) * len(scorer.delays)) for form, known, _ in forms]
-    for form, known, delays in forms:
+        early = (0,) * len(scorer.delays)
+    forms = PATHS.get(structure, {structure: PATH}).items()
+    for delays, (form, known) in product(dict.fromkeys((scorer.delays, early)), forms):
         sizes = sorted({*known, late or known[0]})
         path = [orders_of_size(form, n, delays) for n in sizes]
         smallest = path[0][0]
@@ -326,9 +322,7 @@ def decide_delays(
         for name, (low, _), of_input in zip(before, limits, decided, strict=True)
         for place in sorted(of_input.scores.argsort()[:RECORDED].tolist())
     )
-    sets = "; ".join(
-        name + in_runs(of_input) for name, of_input in zip(before, likely, strict=True)
-    )
+    sets = "; ".join(name + in_runs(those) for name, those in zip(before, likely, strict=True))
     sentence = f"Delay in samples, with 95 % probability: {sets}."
     if any(len(of_input) > 1 for of_input in likely):
         sentence += " Taken is the shortest that is not clearly less probable than the others."

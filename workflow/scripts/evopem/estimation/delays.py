@@ -24,8 +24,6 @@ LONGEST_DELAY, SHORT_DELAY = 200, 10
 # A delay takes up to this share of the samples away from the comparison: of 120 recordings of 160
 # to 1,200 samples with delays to 60, 3 were wrong by more than 2 with a fifth, none with a third.
 LONGEST_SHARE = 3
-# Difference of BIC, times the samples, that is evidence of feedback (Kass & Raftery 1995).
-POSITIVE = 2.0
 # Samples for each coefficient of an output.
 SAMPLES_PER_COEFFICIENT = 5
 # Difference of BIC, times the samples, that decides nothing: the smallest of such delays is taken.
@@ -213,14 +211,13 @@ def is_of_feedback(segments: Sequence[Segment]) -> bool:
         with one_blas_thread():
             of_output, of_input = _at_once(alone, i, inputs), _at_once(alone, inputs, i)
         others = min(of_output[:2]) + min(of_input[1:])
-        if of_output[1] + of_input[0] + POSITIVE < others:
+        if of_output[1] + of_input[0] + AS_WELL < others:
             return True
     return False
 
 
 def _at_once(segments: Sequence[Segment], cause: int, effect: int) -> list[float]:
-    """Lowest BIC of ARX models of one channel, those of inputs first, with lags of another from 0
-    or 1 on, or none."""
+    """Lowest BIC of ARX models of a channel, with lags of another from 0 on, from 1 on, or none."""
     inputs = [cause, *sorted({*range(segments[0].inputs.shape[1] + 1)} - {cause, effect})]
     parts = []
     for segment in segments:
