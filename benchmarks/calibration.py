@@ -59,6 +59,8 @@ FEW_DELAYS = 3
 # Share of noise in the variance of an input from which on feedback should be found, and what it
 # comes to in squared standard errors of a correlation where the record tells it.
 FED_BACK, TOLD_FEEDBACK = 0.01, 16.0
+# Share of the power of an input in the band that is called excited; the rest is half on each side.
+EXCITED_SHARE = 0.99
 # Structures of polynomials whose true orders an oracle may be given.
 ORACLES = {"fir", "arx", "armax", "oe", "bj"}
 
@@ -85,7 +87,7 @@ def run(number: int) -> Line:
             line["seconds"] = round(time.process_time() - started, 1)
             if not case.outside and case.system.structure in ORACLES and _is_single(case):
                 with suppress(InputError):  # where the true orders are lost in rounding
-                    line["oracle"] = oracle(case)
+                    line["oracle"], line["excited"] = _of_oracle(case, found)
                     line["efficient"] = oracle(case, "quadratic")
                     if line.get("decimation") == 1.0:
                         line["prepared"] = of_prepared(case, found)
@@ -280,25 +282,51 @@ def _nearest(
     return min(near)[1] if near else None
 
 
+def _of_oracle(case: Case, found: Any) -> tuple[float, list[float]]:
+    """Error of the oracle, and those of the report and of the oracle in the excited band."""
+    clean, excited = _without_faults(case), excited_band(case)
+    model = _oracle_model(clean, "absolute")
+    narrow = [error_of(found.model, case, excited), error_of(model, clean, excited)]
+    return error_of(model, clean, case.band), narrow
+
+
+def excited_band(case: Case) -> tuple[float, float]:
+    """The part of the compared band where a recorded input has nearly all its power."""
+    u = case.clean[0][:, 0]
+    power = np.cumsum(np.abs(np.fft.rfft(u - u.mean())) ** 2)
+    outside = 0.5 * (1.0 - EXCITED_SHARE) * power[-1]
+    low, high = np.searchsorted(power, (outside, power[-1] - outside)) * 2.0 * np.pi / len(u)
+    return max(float(low), case.band[0]), min(float(high), case.band[1])
+
+
 def oracle(case: Case, objective: Objective = "absolute") -> float:
     """Error of the frequency response of the true structure and orders, without the faults.
 
     Its errors are absolute, as is the default; the likelihood of this noise is that of squares.
     """
-    u, y = case.clean
+    clean = _without_faults(case)
+    return error_of(_oracle_model(clean, objective), clean, case.band)
+
+
+def _without_faults(case: Case) -> Case:
+    return replace(case, input_scale=1.0, output_scales=np.ones(1))
+
+
+def _oracle_model(clean: Case, objective: Objective) -> Any:
+    u, y = clean.clean
     count = round(0.8 * len(y))
-    clean = replace(case, input_scale=1.0, output_scales=np.ones(1))
     return true_orders(clean, objective, u[:count, 0], y[:count, 0], sampling_rate=RATE)
 
 
 def of_prepared(case: Case, found: Any) -> float:
     """The same from the samples, with their faults, that the recipe has prepared for its model."""
     objective = next(d.choice for d in found.decisions if d.subject == "objective")
-    return true_orders(case, objective, found.results.prepared.estimation, level=True)
+    model = true_orders(case, objective, found.results.prepared.estimation, level=True)
+    return error_of(model, case, case.band)
 
 
-def true_orders(case: Case, objective: Objective, *signals: Any, **options: Any) -> float:
-    """Error of the frequency response of the true structure and orders from some signals."""
+def true_orders(case: Case, objective: Objective, *signals: Any, **options: Any) -> Any:
+    """The model of the true structure and orders from some signals."""
     b, f = case.system.polynomials
     lags, n = int(np.flatnonzero(b)[-1]) + 1, len(f) - 1
     c, d = len(case.system.c) - 1, len(case.system.d) - 1
@@ -312,8 +340,15 @@ def true_orders(case: Case, objective: Objective, *signals: Any, **options: Any)
         "bj": (lags, c, d, n, nk),
     }[structure]
     options |= {"structure": structure, "settings": SearchSettings(objective=objective)}
-    model = evopem.estimate(*signals, orders=orders, **options).model
-    angles = np.geomspace(*case.band, FREQUENCIES)
+    return evopem.estimate(*signals, orders=orders, **options).model
+
+
+def error_of(model: Any, case: Case, band: tuple[float, float]) -> float:
+    """Error of the frequency response of a model in a band, as far as it has one; NaN in none."""
+    angles = np.geomspace(*band, FREQUENCIES)
+    angles = angles[angles < np.pi * model.sampling_rate / RATE]
+    if band[0] >= band[1] or not len(angles):
+        return float("nan")
     response = model.frequency_response(angles * RATE / (2.0 * np.pi))[:, 0, 0]
     scale = case.output_scales[0] / case.input_scale
     return _relative(response, scale * case.system.frequency_response(angles)[:, 0, 0])
@@ -379,6 +414,14 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
         *(
             (f"response within {factor:g} times the oracle’s error", _within(with_oracle, factor))
             for factor in (1.5, 2.0)
+        ),
+        (
+            "the same, within 1.5 times, where the input has 99 % of its power",
+            rate(
+                error <= 1.5 * of_oracle
+                for error, of_oracle in (line["excited"] for line in with_oracle)
+                if np.isfinite(of_oracle)
+            ),
         ),
         (
             "the true structure and orders, by least squares, within 1.5 times the oracle’s error",

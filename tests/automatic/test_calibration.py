@@ -67,6 +67,16 @@ def test_responses_come_near_to_those_of_the_true_orders(lines):
     ]
     assert len(ratios) == 6
     assert max(ratios) < 1.5
+    excited = [line["excited"] for line in lines.values() if "excited" in line]
+    assert max(error / of_oracle for error, of_oracle in excited) < 1.5
+
+
+def test_the_excited_band_is_where_the_input_has_power():
+    """A sweep that began long before the recording, and white noise."""
+    swept, white = draw_case(3380), draw_case(3370)
+    (low, high), (first, last) = calibration.excited_band(swept), swept.band
+    assert first < 0.5 * low < low < high <= last
+    assert calibration.excited_band(white) == pytest.approx(white.band, rel=0.05)
 
 
 def test_good_responses_are_near_the_truth(lines):
