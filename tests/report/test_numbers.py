@@ -5,6 +5,7 @@ import math
 import pytest
 
 from evopem.report import numbers
+from evopem.validation.checks.check import root_text
 
 THIN = numbers.THIN
 
@@ -79,8 +80,9 @@ def test_percentages_and_counts():
     assert numbers.count(1234567) == f"1{THIN}234{THIN}567"
     assert numbers.fixed(-0.001, 2) == "0.00"
     assert numbers.standard_error(0.01234) == "0.012"
-    assert numbers.root(-0.5 + 0.25j, 2) == "−0.50 ± 0.25i"
-    assert numbers.root(-0.5 + 1e-9j, 2) == "−0.50"
+    assert root_text(-0.5 + 0.25j) == "−0.5000 ± 0.2500i"
+    assert root_text(-0.5 + 1e-9j) == "−0.5000"
+    assert root_text(-1e-9 - 1e-9j) == "0.0000"
 
 
 def test_amounts_in_words():

@@ -297,14 +297,14 @@ def _starts(
 def _with_expected_modes(point: Array, priors: Priors) -> Array:
     """The point with its mode nearest to each expected one moved there, (m, n)."""
     moved = []
-    for term in priors.terms:
+    for term, _ in priors.terms:
         if term.quantity not in ("frequency", "damping"):
             continue
         for part in priors.denominators:
             poles = list(roots(point[part]))
             if len(poles) < 2:
                 continue
-            frequency = term.mean if term.quantity == "frequency" else term.mode_hz
+            frequency = term.mean if term.quantity == "frequency" else term.mode_hz or 0.0
             damping = term.mean if term.quantity == "damping" else 0.05
             turn = 2.0 * np.pi * frequency / priors.sampling_rate
             pole = np.exp(turn * (-damping + 1j * np.sqrt(max(1.0 - damping**2, 0.0))))

@@ -26,6 +26,15 @@ def roots(coefficients: Array) -> Complex:
     return np.roots(np.concatenate([[1.0], coefficients])).astype(complex)
 
 
+def roots_of_each(coefficients: Array) -> Complex:
+    """Roots of many polynomials alike, (M, m) of (M, m), at once."""
+    count, m = coefficients.shape
+    companions = np.zeros((count, m, m))
+    companions[:, :1] = -coefficients[:, None]
+    companions[:, np.arange(1, m), np.arange(m - 1)] = 1.0
+    return np.linalg.eigvals(companions).astype(complex)
+
+
 def max_root_radius(coefficients: Array) -> float:
     """Largest root radius; 0 for an empty polynomial."""
     all_roots = roots(coefficients)
@@ -51,10 +60,7 @@ def reflect_into_disc(coefficients: Array, radius: float) -> Array:
     frequency response (Söderström & Stoica 1989); those still beyond ``radius`` are drawn in.
     """
     count, m = coefficients.shape
-    companions = np.zeros((count, m, m))
-    companions[:, :1, :] = -coefficients[:, None, :]
-    companions[:, np.arange(1, m), np.arange(m - 1)] = 1.0
-    z = np.linalg.eigvals(companions).astype(complex)
+    z = roots_of_each(coefficients)
     outside = np.abs(z) > 1.0
     z[outside] = 1.0 / np.conj(z[outside])
     modulus = np.abs(z)

@@ -21,6 +21,7 @@ from evopem.models.modes import Mode
 from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import NORMAL_95, ParameterCovariance
 from evopem.models.polynomial import PolynomialModel, model_of
+from evopem.models.polynomial_roots import roots_of_each
 
 BasisKind = Literal["legendre", "cosine", "spline"]
 KINDS: tuple[BasisKind, ...] = ("legendre", "cosine", "spline")
@@ -277,10 +278,4 @@ def delayed_inputs(orders: Orders, inputs: Array, bounds: Indices) -> Array:
 
 def root_radii(coefficients: Array) -> Array:
     """Largest modulus of the roots of monic polynomials, (M,), of (M, n) coefficients."""
-    count, n = coefficients.shape
-    if not n:
-        return np.zeros(count)
-    companions = np.zeros((count, n, n))
-    companions[:, 0] = -coefficients
-    companions[:, np.arange(1, n), np.arange(n - 1)] = 1.0
-    return np.asarray(np.abs(np.linalg.eigvals(companions)).max(axis=1))
+    return np.asarray(np.abs(roots_of_each(coefficients)).max(axis=1, initial=0.0))

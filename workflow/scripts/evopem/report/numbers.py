@@ -113,13 +113,6 @@ def to_its_error(value: float | None, error: float | None, most: int = 6) -> str
     return fixed(value, max(0, kept - 1 - decimals)) if -4 < decimals < 6 else number(value, kept)
 
 
-def root(value: complex, decimals: int = 4) -> str:
-    """A root of a real polynomial, a complex one with its conjugate."""
-    if abs(value.imag) < 0.5 * 10.0**-decimals:
-        return fixed(value.real, decimals)
-    return f"{fixed(value.real, decimals)} ± {fixed(abs(value.imag), decimals)}i"
-
-
 def enumeration(items: list[str]) -> str:
     """Items in a row: "a", "a and b", "a, b and c"."""
     if len(items) < 2:

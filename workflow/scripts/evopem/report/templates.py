@@ -22,7 +22,7 @@ from evopem.report.results_text import delay_words
 from evopem.results.dataset import DatasetResults
 from evopem.signals.peaks import line_spacing
 from evopem.signals.prepared_data import Transforms
-from evopem.validation.checks import p_text
+from evopem.validation.checks.check import p_text, root_text
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -118,6 +118,7 @@ def environment(folder: Path) -> Environment:
         persistent_orders=PERSISTENT_ORDERS,
         symbol=symbol,
         p_value=p_text,
+        root=root_text,
         page_script=_script(folder / "page.js"),
         figures_script=_script(
             folder / "uplot" / "uPlot.iife.min.js",

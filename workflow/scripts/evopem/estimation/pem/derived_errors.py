@@ -2,13 +2,13 @@
 of its points: those of constrained points, or the reflection coefficients of sections."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from evopem.arrays import Array
-from evopem.config.constraints import Constraints
+from evopem.config.constraints import Constraints, Prior
 from evopem.estimation.pem.kernels.polynomials import filter_rows
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import DENSITY_BANDWIDTH, StretchErrors
@@ -135,23 +135,16 @@ def _filtered(response: Array, signals: Array) -> Array:
     return filtered
 
 
-@dataclass(frozen=True)
-class PriorTerm:
-    """One prior, in the units of a point; frequencies in Hz."""
-
-    quantity: str  # "coefficient", "static_gain", "frequency" or "damping"
-    mean: float
-    standard_deviation: float
-    index: int = 0  # entry of the point that a coefficient is
-    mode_hz: float = 0.0  # the mode nearest to this frequency is meant
-
-
 class Priors:
-    """Deviations of a point from its priors, in standard deviations.  ``parts`` says where a, b0,
-    ... and f0, ... stand in a point."""
+    """Deviations of a point from its priors, in standard deviations.  ``terms``: in the units of a
+    point, those of coefficients with their places in it.  ``parts`` says where a, b0, ... and f0,
+    ... stand in a point."""
 
     def __init__(
-        self, terms: tuple[PriorTerm, ...], parts: Mapping[str, slice], sampling_rate: float
+        self,
+        terms: Sequence[tuple[Prior, int | None]],
+        parts: Mapping[str, slice],
+        sampling_rate: float,
     ) -> None:
         self.terms, self.parts, self.sampling_rate = terms, parts, sampling_rate
         # Where the polynomials stand whose roots are poles of the plant.
@@ -161,17 +154,17 @@ class Priors:
         """Deviations (m,) and their derivatives by the point, (m, n)."""
         deviations = np.zeros(len(self.terms))
         derivatives = np.zeros((len(self.terms), len(point)))
-        for row, term in enumerate(self.terms):
-            value, gradient = self._quantity(term, point)
+        for row, (term, index) in enumerate(self.terms):
+            value, gradient = self._quantity(term, index, point)
             deviations[row] = (value - term.mean) / term.standard_deviation
             derivatives[row] = gradient / term.standard_deviation
         return deviations, derivatives
 
-    def _quantity(self, term: PriorTerm, point: Array) -> tuple[float, Array]:
+    def _quantity(self, term: Prior, index: int | None, point: Array) -> tuple[float, Array]:
         gradient = np.zeros(len(point))
-        if term.quantity == "coefficient":
-            gradient[term.index] = 1.0
-            return float(point[term.index]), gradient
+        if index is not None:
+            gradient[index] = 1.0
+            return float(point[index]), gradient
         if term.quantity == "static_gain":
             of_b, of_a, of_f = (self.parts[name] for name in ("b0", "a", "f0"))
             b = float(np.sum(point[of_b]))
@@ -180,16 +173,17 @@ class Priors:
             gradient[of_a] = -b / (a * a * f)
             gradient[of_f] = -b / (a * f * f)
             return b / (a * f), gradient
-        part, pole = self._mode(term, point)
+        near = term.mean if term.mode_hz is None else term.mode_hz
+        part, pole = self._mode(near, point)
         values, slopes = pole_mode(point[part], pole, self.sampling_rate)
         row = 0 if term.quantity == "frequency" else 1
         gradient[part] = slopes[row]
         return float(values[row]), gradient
 
-    def _mode(self, term: PriorTerm, point: Array) -> tuple[slice, complex]:
+    def _mode(self, near: float, point: Array) -> tuple[slice, complex]:
         """The pole nearest in natural frequency: a mode where there is one, or a real pole."""
         modes = [
-            (abs(mode.frequency_hz - term.mode_hz), part, mode.pole)
+            (abs(mode.frequency_hz - near), part, mode.pole)
             for part in self.denominators
             for mode in modes_of(point[part], self.sampling_rate)
         ]
@@ -197,7 +191,7 @@ class Priors:
             _, part, pole = min(modes, key=lambda mode: mode[0])
             return part, pole
         real = [(part, z) for part in self.denominators for z in roots(point[part]) if z != 0.0]
-        wanted = np.exp(2j * np.pi * term.mode_hz / self.sampling_rate)
+        wanted = np.exp(2j * np.pi * near / self.sampling_rate)
         without = (self.denominators[-1], 0j)
         return min(real, key=lambda indexed_pole: abs(indexed_pole[1] - wanted), default=without)
 
@@ -214,14 +208,12 @@ def priors_of(
     terms = []
     b_scale = float(b_scales[0]) if len(b_scales) else 1.0
     for prior in constraints.priors:
-        quantity, index = prior.quantity, 0
-        near = prior.mean if prior.mode_hz is None else prior.mode_hz
-        scale = b_scale if quantity == "static_gain" or quantity[0] == "b" else 1.0
-        if (place := coefficient_index(quantity, orders)) is not None:
-            quantity, index = "coefficient", orders.part(place[0]).start + place[1]
+        place = coefficient_index(prior.quantity, orders)
+        scale = b_scale if prior.quantity == "static_gain" or prior.quantity[0] == "b" else 1.0
         mean, deviation = prior.mean / scale, prior.standard_deviation / scale
-        terms.append(PriorTerm(quantity, mean, deviation, index, near))
-    return Priors(tuple(terms), parts, sampling_rate)
+        term = replace(prior, mean=mean, standard_deviation=deviation)
+        terms.append((term, place and orders.part(place[0]).start + place[1]))
+    return Priors(terms, parts, sampling_rate)
 
 
 class Mapped(NamedTuple):

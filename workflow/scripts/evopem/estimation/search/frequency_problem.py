@@ -186,7 +186,7 @@ def lowest_poles(
     """The lowest point of random starts, an extended smaller one, and basin hopping."""
     starts = [*problem.random(RESTARTS, generator)]
     starts += [problem.extended(smaller)] if smaller is not None else []
-    ended, state = problem.descend(np.array(starts)), SearchProgress()
+    ended, state = problem.descend(np.array(starts)), SearchProgress(problem, generator)
     state.minima = state.optima = ended.values[:RESTARTS].tolist()
     state.random_points, state.undiscovered = RESTARTS, undiscovered(state.minima)
     state.spent, lowest = ended.evaluations, int(np.argmin(ended.values))

@@ -69,11 +69,9 @@ class _Search(SearchProgress):
         log: Log | None,
         known_minimum: float,
     ) -> None:
-        super().__init__()
-        self.problem, self.generator, self.known_minimum = problem, generator, known_minimum
-        self.one_optimum = False
+        super().__init__(problem, generator, log)
+        self.one_optimum, self.known_minimum = False, known_minimum
         self.led: list[tuple[float, float]] = []  # values that refutations led from, and to
-        self._log = log
         self.replacement: SectionReplacement | None = None
         if isinstance(problem, PolynomialProblem):
             replacement = SectionReplacement(problem)

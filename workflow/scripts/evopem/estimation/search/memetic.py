@@ -44,7 +44,7 @@ def memetic_search(
     """Minimise an objective globally; InputError when no value was finite.  Restarts that agree on
     a value above ``known_minimum`` do not end the search.  ``until_certified``: restarts go on
     after the check until a certificate, where all agree with up to twice the evaluations."""
-    search = _Search(problem, settings, generator, log)
+    search = _Search(problem, generator, log)
 
     def agreeing() -> int:
         best = min(search.value, known_minimum)
@@ -57,9 +57,9 @@ def memetic_search(
 
     limit = settings.evaluations
     while search.spent < limit:
-        search.restart(limit)
+        search.restart(settings, limit)
         if not search.random_points and agreed():
-            search.check()
+            search.check(settings.evaluations)
         if agreed():
             break
         confirming = until_certified and search.random_points and agreeing() == len(search.minima)
@@ -70,24 +70,13 @@ def memetic_search(
 class _Search(SearchProgress):
     """What a search has found, and the random points of its multistart check."""
 
-    def __init__(
-        self,
-        problem: Problem,
-        settings: SearchSettings,
-        generator: np.random.Generator,
-        log: Log | None,
-    ) -> None:
-        super().__init__()
-        self.problem, self.settings, self.generator = problem, settings, generator
-        self._log = log
-
-    def check(self) -> None:
+    def check(self, most: int) -> None:
         """Descend from random points until a further local optimum is improbable: one restart.
-        Once the evaluations are spent no further batch starts."""
+        After ``most`` evaluations no further batch starts."""
         optima: list[float] = []
         best_point, best_value, evaluations = np.empty(0), np.inf, 0
         while not self.random_points or (
-            self.undiscovered > SUFFICIENT_PROBABILITY and evaluations < self.settings.evaluations
+            self.undiscovered > SUFFICIENT_PROBABILITY and evaluations < most
         ):
             batch = max(self.random_points, FIRST_BATCH)
             descents = self.problem.descend(self.problem.random(batch, self.generator))
@@ -111,14 +100,14 @@ class _Search(SearchProgress):
                 f"undiscovered probability {self.undiscovered:.2g}, {self.spent} evaluations"
             )
 
-    def restart(self, limit: int) -> None:
+    def restart(self, settings: SearchSettings, limit: int) -> None:
         """Generations of an independent population until it has converged, and a polish.
         ``limit``: evaluations after which no further generation begins."""
-        parents, used = self.problem.draw(self.settings.mu, self.generator)
+        parents, used = self.problem.draw(settings.mu, self.generator)
         values = self.problem.values(parents)
         self.spent += used + len(parents)
         while True:
-            parents, values = self._generation(parents, values)
+            parents, values = self._generation(parents, values, settings)
             if self._log is not None:
                 self._log(
                     f"restart {len(self.minima) + 1} generation {self.generations}: lowest "
@@ -131,9 +120,11 @@ class _Search(SearchProgress):
         self.reach(polished.points[0], float(polished.values[0]))
         self.minima.append(min(float(polished.values[0]), float(values[0])))
 
-    def _generation(self, parents: Array, values: Array) -> tuple[Array, Array]:
+    def _generation(
+        self, parents: Array, values: Array, settings: SearchSettings
+    ) -> tuple[Array, Array]:
         """Recombine, evaluate, refine by BFGS, and select."""
-        problem, settings = self.problem, self.settings
+        problem = self.problem
         recombined, used = problem.recombine(parents, settings.lambda_, self.generator)
         offspring = problem.repair(recombined)
         offspring_values = problem.values(offspring)

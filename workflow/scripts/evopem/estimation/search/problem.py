@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -128,7 +128,10 @@ class BasinHopping(NamedTuple):
 class SearchProgress:
     """What a search has found and spent so far."""
 
-    def __init__(self) -> None:
+    def __init__(
+        self, problem: Any, generator: np.random.Generator, log: Log | None = None
+    ) -> None:
+        self.problem, self.generator, self._log = problem, generator, log
         self.point: Array | None = None
         self.value = np.inf
         self.ends: list[tuple[float, Array]] = []

@@ -24,9 +24,7 @@ class Block:
 
     known: tuple[complex, ...]  # poles that are given: none, one real one, or all
     states: int
-    allowed: (
-        RegionSections | None
-    )  # polynomial of the poles; None where they are free within the radius
+    allowed: RegionSections | None  # of the poles; None where they are free within the radius
     radius: float
 
     @property

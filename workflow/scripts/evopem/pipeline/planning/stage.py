@@ -103,10 +103,6 @@ def polynomials(job: StageJob) -> tuple[str, ...]:
     return tuple(filter(is_polynomial, searched_forms(job.settings)))
 
 
-def _forms(job: StageJob) -> tuple[str, ...]:
-    return tuple(form for form in searched_forms(job.settings) if not is_polynomial(form))
-
-
 def _nested(job: StageJob) -> tuple[str, ...]:
     """The structures whose models are starts of a search."""
     nested = NESTED.get(job.values["structure"], ())
@@ -145,7 +141,7 @@ def _resonances(job: StageJob) -> list[str]:
 LISTS: Mapping[str, Callable[[StageJob], Sequence[str]]] = {
     "structures": lambda job: searched_forms(job.settings),
     "polynomials": polynomials,
-    "forms": _forms,
+    "forms": lambda job: [f for f in searched_forms(job.settings) if not is_polynomial(f)],
     "wanted": wanted,
     "nested": _nested,
     "purposes": purposes,

@@ -45,7 +45,7 @@ FOLLOWS = {
     "feedback": ((CONSTANT, LINEAR), residuals.FEEDBACK, "not found beside later inputs"),
 }
 
-__all__ = ["Check", "Evidence", "OrderRange", "checks", "failed_checks", "p_text"]
+__all__ = ["Check", "Evidence", "OrderRange", "checks", "failed_checks"]
 
 
 def checks(evidence: Evidence) -> list[Check]:

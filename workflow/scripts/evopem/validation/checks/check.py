@@ -97,6 +97,12 @@ def whole(value: int) -> str:
     return f"{value:,}".replace(",", "\u202f")
 
 
+def root_text(root: complex) -> str:
+    """A root of a real polynomial to four decimals, a complex one with its conjugate."""
+    real = f"{root.real:z.4f}".replace("-", "−")
+    return real if abs(root.imag) < 5e-5 else f"{real} ± {abs(root.imag):.4f}i"
+
+
 def largest_by_chance(count: int) -> float:
     """The largest of some correlations in 95 % bounds that is not significant.
 

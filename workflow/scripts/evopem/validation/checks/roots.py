@@ -9,7 +9,7 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_roots import CHI_SQUARE_95, root_gradient, roots
-from evopem.validation.checks.check import Evidence, Found, check
+from evopem.validation.checks.check import Evidence, Found, check, root_text
 
 # A pole and a zero farther apart than this do not cancel, however uncertain they are.
 MAX_CANCELLATION_DISTANCE = 0.1
@@ -122,7 +122,7 @@ def cancellation(evidence: Evidence) -> Found | None:
     if not pairs:
         return True, "The model has no pair of a pole and a zero."
     distance, *pair = min(pairs)
-    pole, zero = map(_root_text, pair)
+    pole, zero = map(root_text, pair)
     nearest = f"The nearest pair, pole {pole} and zero {zero}, is"
     advice = (
         f"The pair hardly affects the frequency response: lower {plant_order(record.structure)} and"
@@ -134,7 +134,7 @@ def cancellation(evidence: Evidence) -> Found | None:
         unknown = "Without a parameter covariance, this distance cannot be compared with its"
         return None, f"{nearest} {distance:.2g} apart. {unknown} uncertainty.", LOWER_THE_ORDERS
     indistinct = [
-        " and ".join(map(_root_text, c)) for c in cancelling_pairs(model, model.covariance)
+        " and ".join(map(root_text, c)) for c in cancelling_pairs(model, model.covariance)
     ]
     if indistinct:
         problem = "A pole and a zero do not differ significantly at the 95 % level"
@@ -206,10 +206,3 @@ def indistinguishable(
         return True  # the data do not determine their distance
     statistic = float(offset @ np.linalg.pinv(spread, hermitian=True) @ offset)
     return statistic < CHI_SQUARE_95[offset.size]
-
-
-def _root_text(root: complex) -> str:
-    """A root to four decimals, with a true minus sign."""
-    if abs(root.imag) < 5e-5:
-        return f"{root.real:.4f}".replace("-", "−")
-    return f"{root.real:.4f} ± {abs(root.imag):.4f}i".replace("-", "−")
