@@ -29,6 +29,7 @@ from evopem.automatic.structures import (
     _for_simulation,
     _misses_response,
     _smallest_as_good,
+    _that_simulate,
     _with_valid_noise,
     compare_structures,
 )
@@ -253,6 +254,17 @@ def test_residuals_that_are_fed_back_to_the_input_may_depend_on_it(
     choice = _by_likelihood(scorer, (likeliest, best), "simulation", best, fed_back)
     assert (choice is not None and choice[0] is likeliest) == is_taken
     assert choice is None or "fed back" in choice[1]
+
+
+def test_a_model_that_simulates_its_own_samples_badly_is_no_choice_for_simulation():
+    """Held-out samples behind known ones do not show it.  Half as large again is too much."""
+    best, drifts = candidate(8), replace(candidate(8), simulation_bic=2.0 * np.log(1.51))
+    unscored = replace(best, simulation_bic=-5.0, scores=HeldOutScores())
+    kept = _that_simulate(scorer_of((best, drifts, unscored)), [best, drifts, unscored])
+    assert kept == [best, unscored]
+    near = replace(drifts, simulation_bic=2.0 * np.log(1.49))
+    assert _that_simulate(scorer_of((best, near)), [best, near]) == [best, near]
+    assert _that_simulate(scorer_of((unscored,)), [unscored]) == [unscored]
 
 
 @pytest.mark.parametrize("p_value", [1e-6, 0.5])

@@ -45,10 +45,8 @@ def as_good(
     standard_errors: float = STANDARD_ERRORS,
     share: float = AS_GOOD,
 ) -> bool:
-    """Whether a model does as well on held-out samples as another.
-
-    Within some standard errors of the mean difference of the folds and a share, or within ``GAIN``.
-    """
+    """Whether a model does as well on held-out samples as another: within some standard errors of
+    the mean difference of the folds and a share, or within ``GAIN``."""
     score = score_of(kind)
     if not np.isfinite(score(candidate)):
         return candidate is best
@@ -124,12 +122,10 @@ def not_far_behind(
 def gain_of_nothing(
     scorer: Scorer, candidates: Sequence[Candidate], kind: Kind, chosen: Candidate
 ) -> tuple[Candidate, str] | None:
-    """A gain, where the response of a chosen model to the inputs does not differ from zero.
-
-    It does not simulate held-out samples clearly better than a constant, and no candidate has
-    strong evidence against all noise models without an input, beyond what the likeliest of as many
-    has by chance, nor has the likeliest of these with an input.
-    """
+    """A gain, where the response of a chosen model to the inputs does not differ from zero: it does
+    not simulate held-out samples clearly better than a constant, and no candidate has strong
+    evidence against all noise models without an input, beyond what the likeliest of as many has by
+    chance, nor has the likeliest of these with an input."""
     gain = next((c for c in simplest(candidates) if c.structure == "fir" and c.is_scored), None)
     model = gain.polynomials if gain is not None else None
     if gain is None or model is None:
@@ -172,11 +168,9 @@ def never_behind(
     sentence: str,
     failures: Callable[[Candidate], int],
 ) -> tuple[Candidate, str]:
-    """The best of the simplest models, where it does clearly better than what was chosen.
-
-    One with more ``failures`` of checks only where the choice would not count as as good: models
-    whose noise moves the plant's states know more of them than others where a simulation begins.
-    """
+    """The best of the simplest models, where it does clearly better than what was chosen. One with
+    more ``failures`` of checks only where the choice would not count as as good: models whose noise
+    moves the plant's states know more of them than others where a simulation begins."""
     score = score_of(kind)
     best = min([c for c in simplest(candidates) if c.is_scored], key=score, default=chosen)
     if best is chosen or not is_clearly_better(best, chosen, kind):
@@ -194,10 +188,8 @@ def never_behind(
 def regularised_unless_worse(
     candidates: Sequence[Candidate], kind: Kind, chosen: Candidate, sentence: str
 ) -> tuple[Candidate, str]:
-    """The best regularised response, unless what was chosen does clearly better.
-
-    Where no linear model describes the system, none has its orders.  Of one fold 2 % are clear.
-    """
+    """The best regularised response, unless what was chosen does clearly better. Where no linear
+    model describes the system, none has its orders.  Of one fold 2 % are clear."""
     responses = [c for c in candidates if c.structure in REGULARISED and c.is_scored]
     best, score = min(responses, key=score_of(kind), default=chosen), score_of(kind)
     most = max(CLEAR_GAIN, np.nan_to_num(standard_error(chosen, best, kind), posinf=0.0))

@@ -48,8 +48,9 @@ FINALISTS = 2
 # About so many likely delays of an input are tried with the orders of a finalist.  A difference of
 # BIC, not divided by the samples, is evidence for another one (Kass & Raftery 1995).
 MOST_DELAYS, POSITIVE = 12, 2.0
-# One-step errors over simulation errors, on held-out samples, that refute a noise model.
-HARMFUL = 1.5
+# One-step errors over simulation errors, on held-out samples, that refute a noise model, and what
+# errors that are so much larger add to the loss of an output.
+HARMFUL, HALF_MORE = 1.5, 2.0 * float(np.log(1.5))
 # Share of an input that past residuals explain, below which a missed nonlinearity may be the cause.
 WEAK = 0.05
 # The largest logarithm of a ratio of errors that standard errors of few folds may call chance.
@@ -88,11 +89,8 @@ class Comparison:
 
 
 def rivals_of(scorer: Scorer, choice: Choice, comparison: Comparison) -> tuple[Candidate, ...]:
-    """The compared model of a choice, and those that the data do not tell from it.
-
-    They do as well on held-out samples as the best one, or the BIC gives no strong evidence against
-    them.
-    """
+    """The compared model of a choice, and those that the data do not tell from it: they do as well
+    on held-out samples as the best one, or the BIC gives no strong evidence against them."""
     known, kind = comparison.candidates, choice.kind
     of_choice = next((c for c in known if c.name == choice.candidate.name), choice.candidate)
     best = min(known, key=score_of(kind))
@@ -240,17 +238,26 @@ def _for_simulation(
     likeliest = min(searched, key=BIC)
     is_fed_back = _is_fed_back(scorer, likeliest)
     likely = _by_likelihood(scorer, searched, kind, best, is_fed_back)
-    choice = likely or _smallest_as_good(scorer, searched, kind)
+    kept = candidates if likely or is_fed_back else _that_simulate(scorer, candidates)
+    choice = likely or _smallest_as_good(scorer, parametric(kept), kind)
     # Under feedback models without noise have the lowest simulation errors, and a wrong response.
     if not (is_fed_back and likely):
-        choice = never_behind(candidates, kind, *choice, lambda c: len(scorer.checks(c).failed))
+        choice = never_behind(kept, kind, *choice, lambda c: len(scorer.checks(c).failed))
     if not is_fed_back and _misses_response(scorer, likeliest):
-        choice = regularised_unless_worse(candidates, kind, *choice)
+        choice = regularised_unless_worse(kept, kind, *choice)
     chosen, sentence = gain_of_nothing(scorer, candidates, kind, choice[0]) or choice
     criterion = "simulation error on held-out samples, %"
     return chosen, _named(
         "structure for simulation", chosen, candidates, score, criterion, sentence
     )
+
+
+def _that_simulate(scorer: Scorer, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The models that simulate what they are fitted to about as well as the best of those with
+    scores. Others need outputs now and then, as before held-out samples; no simulation has them."""
+    outputs = scorer.stretches[0].outputs.shape[1]
+    lowest = min((c.simulation_bic for c in candidates if c.is_scored), default=np.inf)
+    return [c for c in candidates if not c.simulation_bic > lowest + outputs * HALF_MORE]
 
 
 def _by_likelihood(
