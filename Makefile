@@ -14,6 +14,14 @@ EXTRAS := --extra workflow --extra slurm --extra control
 UPGRADE ?=
 # A fifth of what is installed is imported: that is compiled then, by jobs beside each other.
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile --require-hashes -r
+# What a search needs, and all else, beside each other: pip takes one core.  The lock file is complete.
+SEARCH := annotated-types|llvmlite|numba|numpy|pydantic|pydantic-core|pyyaml|scipy|threadpoolctl|typing-.*
+HALF = awk '/^[a-z]/ {searches = /^($(SEARCH))==/} $(1)searches' $< | $(INSTALL) /dev/stdin --no-deps
+# Two short searches, whose kernels the jobs of the first run would each compile.
+KERNELS := from numpy.random import default_rng; from evopem import SearchSettings, estimate; \
+	u, y = default_rng(1).standard_normal((2, 300)); \
+	settings = SearchSettings(mu=4, lambda_=4, nu=4, evaluations=1); \
+	estimate(u, y, (2, 2, 2, 1), settings=settings); estimate(u, y, 2, structure="ss", settings=settings)
 # Without stored code each process of the tests would compile all of it.
 unexport PYTHONDONTWRITEBYTECODE
 COMPILE := $(BIN)/uv pip compile pyproject.toml $(EXTRAS) --universal --python-version 3.11 \
@@ -97,7 +105,9 @@ $(BIN)/python:
 		echo "Python's venv module is needed (Debian, Ubuntu: apt install python3-venv)"; exit 1; }
 
 $(VENV)/installed: requirements.lock $(BIN)/python
-	$(INSTALL) requirements.lock
+	@echo "Installing requirements.lock into $(VENV)"
+	@{ $(call HALF) && PYTHONPATH=workflow/scripts $(BIN)/python -c '$(KERNELS)'; } & search=$$!; \
+		$(call HALF,!); rest=$$?; wait $$search && exit $$rest
 	@touch $@
 
 $(VENV)/installed-dev: requirements-dev.lock $(VENV)/installed

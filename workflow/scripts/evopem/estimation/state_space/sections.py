@@ -190,7 +190,7 @@ def scale_of(delta: Array) -> Array:
 def sections_of(layout: Layout, point: Array, scale: Array | None = None) -> SectionArrays:
     """Read the sections of a point; their s may be given."""
     rows = layout.rows(point)
-    sigma, delta = rows[:, 0], rows[:, 1]
+    sigma, delta = rows[:, 0].copy(), rows[:, 1]  # contiguous: one kernel, of one section too
     scale = scale_of(delta) if scale is None else scale
     coupling = scale.copy()
     coupling[layout.pairs :] = 0.0

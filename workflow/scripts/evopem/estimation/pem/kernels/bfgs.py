@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -47,7 +48,7 @@ def state_at(starts: Array) -> State:
     return State(starts, g, np.zeros((count, dimension, dimension)), d, line)
 
 
-@cached_njit
+@partial(cached_njit, is_quick=True)
 def trial_points(state: State, rows: Indices) -> Array:
     """The point that each of some starts tries."""
     trial = np.empty((rows.size, state.x.shape[1]))
@@ -59,7 +60,7 @@ def trial_points(state: State, rows: Indices) -> Array:
     return trial
 
 
-@cached_njit
+@partial(cached_njit, is_quick=True)
 def advance(
     state: State,
     rows: Indices,
@@ -107,15 +108,7 @@ def _next_step(low: float, high: float, f: float, slope: float, beyond: float) -
 
 
 @allocating_njit
-def _accept(
-    state: State,
-    r: int,
-    point: Array,
-    value: float,
-    gradient: Array,
-    tolerance: float,
-    max_iterations: int,
-) -> None:
+def _accept(state, r, point, value, gradient, tolerance, max_iterations):
     """Move a start to its trial point and aim from there; end it where it has converged."""
     drop = state.line[r].value - value
     step, change, product = np.empty(point.size), np.empty(point.size), np.empty(point.size)

@@ -5,7 +5,7 @@ residual.  The gradient correlates one of these with the signal that a parameter
 import numpy as np
 
 from evopem.compilation import allocating_njit, cached_njit, njit
-from evopem.estimation.pem.kernels.bfgs import advance, trial_points
+from evopem.estimation.pem.kernels import bfgs
 from evopem.estimation.pem.kernels.polynomials import barrier
 from evopem.estimation.pem.kernels.record import (
     CHUNK,
@@ -38,6 +38,8 @@ from evopem.estimation.pem.kernels.simd import (
 
 # What a pass is for.
 RESIDUALS, VALUES, GRADIENTS = 0, 1, 2
+# As parts: not compiled for Python as well, which most searches never need.
+trial_points, advance = map(allocating_njit, (bfgs.trial_points.py_func, bfgs.advance.py_func))
 
 
 @njit
