@@ -46,8 +46,10 @@ def fitted(
     rows = (columns * scale[:, :, None]).reshape(-1, columns.shape[2])
     goal = (target * scale).ravel()
     further = np.zeros((0, rows.shape[1])) if prior is None else prior
-    if not robust:  # what is left of states long after they have decayed says nothing
-        said = np.flatnonzero(np.any(np.abs(rows) > DECAYED * np.abs(rows).max(axis=0), axis=1))
+    said = np.abs(rows)
+    # What is left of states long after they have decayed says nothing.
+    if not (robust or np.any(said[-1:] > DECAYED * said.max(initial=0.0))):
+        said = np.flatnonzero(np.any(said > DECAYED * said.max(axis=0), axis=1))
         rows, goal = (part[: said[-1] + 1 if len(said) else None] for part in (rows, goal))
     weights = np.ones(len(goal))
     for _ in range(REWEIGHTINGS + 1 if robust else 1):
@@ -57,8 +59,9 @@ def fitted(
         sizes = np.where(sizes > 0.0, sizes, 1.0)
         weighted_goal = np.concatenate([goal * weights, np.zeros(len(further))])
         coefficients = _least_squares(weighted / sizes, weighted_goal) / sizes
-        left = np.abs(goal - rows @ coefficients)
-        weights = 1.0 / np.sqrt(np.maximum(left, 0.1 * np.mean(left) + 1e-300))
+        if robust:
+            left = np.abs(goal - rows @ coefficients)
+            weights = 1.0 / np.sqrt(np.maximum(left, 0.1 * np.mean(left) + 1e-300))
     return np.asarray(coefficients)
 
 
