@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from operator import attrgetter
 
 import numpy as np
@@ -138,7 +139,7 @@ class Candidate:
             return self.order >= 2
         return self.orders.na + max(self.orders.nf, default=0) >= 2
 
-    @property
+    @cached_property
     def name(self) -> str:
         """Structure and orders in a few letters."""
         if self.polynomials is None:

@@ -52,7 +52,7 @@ def export_fmu(model: str | Path | Model, file: str | Path) -> str:
     if not exported.model.inputs:
         problem = "the model has no input that a simulation could respond to"
         raise InputError(exported.source, problem, "export its predictions to C instead")
-    check_own(target, "FMU of evopem", _is_own)
+    check_own(target, "FMU of evopem", lambda at: _MARK in (member_of(at, _DESCRIPTION) or b""))
     texts = {f"sources/{name}": text for name, text in c_texts(exported).items()}
     token = hashlib.sha256("".join(texts.values()).encode()).hexdigest()
     templates = {_DESCRIPTION: "modelDescription.xml.j2", "sources/fmi3.c": "fmi3.c.j2"}
@@ -64,10 +64,6 @@ def export_fmu(model: str | Path | Model, file: str | Path) -> str:
         missing = _compile(Path(folder), exported.name)
         pack(target, files_below(folder, ""), folder)
     return missing
-
-
-def _is_own(path: Path) -> bool:
-    return _MARK in (member_of(path, _DESCRIPTION) or b"")
 
 
 def _variables(exported: Exported) -> Context:

@@ -24,6 +24,7 @@ from evopem.files.checksums import rewritten
 T = TypeVar("T")
 
 _EXACT = {int: "a whole number", bool: "true or false", str: "a text"}
+_parts_of: Any = cache(lambda kind: (get_origin(kind) or kind, get_args(kind)))
 
 
 class _MisfitError(Exception):
@@ -114,7 +115,7 @@ def _read(kind: Any, content: Any, place: str) -> Any:
     def misfit(problem: str) -> _MisfitError:
         return _MisfitError(f"{shortened(content)} {problem}", place)
 
-    origin, members = get_origin(kind) or kind, get_args(kind)
+    origin, members = _parts_of(kind)
     if origin in _EXACT:
         if type(content) is not origin:
             raise misfit(f"is not {_EXACT[origin]}")

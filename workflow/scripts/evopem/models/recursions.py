@@ -11,14 +11,11 @@ def driven_states(A, initial, inputs, bounds):
     states, (count, n) = np.empty(inputs.shape), inputs.shape[1:]
     # Observer forms have hardly any entries: of each row those that are not 0, and where.
     entries, places, ends = A.copy(), np.empty(A.shape, np.intp), np.zeros(n, np.intp)
-    together = 0
     for i in range(n):
         for j in range(n):
             if A[i, j] != 0.0:
                 entries[i, ends[i]], places[i, ends[i]] = A[i, j], j
                 ends[i] += 1
-                together += 1
-    is_full = 3 * together > n * n
     for segment in range(len(bounds) - 1):
         first, stop = bounds[segment], bounds[segment + 1]
         # An array at once would have messages on its shape compiled: a fifth of all kernels.
@@ -30,6 +27,7 @@ def driven_states(A, initial, inputs, bounds):
                 now, after = states[t, p], states[t + 1, p]
                 for i in range(n):
                     total = inputs[t, p, i]
+                    is_full = 3 * ends[i] > n
                     for j in range(n if is_full else 0):
                         total += A[i, j] * now[j]
                     for k in range(0 if is_full else ends[i]):

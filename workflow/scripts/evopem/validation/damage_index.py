@@ -98,9 +98,8 @@ class Frequencies:
         has, others = np.isfinite(self.values), self.is_reference.copy()
         others[number] = False
         modes, nothing = np.flatnonzero(has[number]), np.arange(0)
-        if others.any() and not _within(
-            self.conditions[number], self.conditions[self.is_reference]
-        ):
+        at, known = self.conditions[number], self.conditions[self.is_reference]
+        if others.any() and not np.all((at >= known.min(axis=0)) & (at <= known.max(axis=0))):
             return nothing, nothing, "condition"
         # Those go first that few have, of these the least certain.
         relative = self.errors[number, modes] / self.values[number, modes]
@@ -112,10 +111,6 @@ class Frequencies:
             if free >= max(FEWEST_FREE, len(kept)):
                 return rows, kept, ""
         return nothing, nothing, "reference" if len(modes) else "no mode"
-
-
-def _within(at: Array, reference: Array) -> bool:
-    return bool(np.all((at >= reference.min(axis=0)) & (at <= reference.max(axis=0))))
 
 
 @dataclass(frozen=True)

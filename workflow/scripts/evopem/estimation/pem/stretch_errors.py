@@ -54,6 +54,7 @@ class StretchErrors:
         self.samples = len(self.output)
         self.residual_start, self.loss_start = self.window.residual_start, self.window.loss_start
         self.lender = self  # of buffers; no shorter
+        self._sums: dict[bool, LagSums] = {}
 
     # Tables of eight numbers a sample, made when needed: a problem that is only scaled has none.
     @cached_property
@@ -69,20 +70,17 @@ class StretchErrors:
     def _alone(self) -> Passes:
         return Passes([(self, np.arange(np.sum(self._record.entry >= 0)))], np.ones(1))
 
-    @cached_property
-    def _lag_sums(self) -> LagSums:
-        return lag_sums_for(self._record, linear=False)
-
-    @cached_property
-    def _linear_lag_sums(self) -> LagSums:
-        return lag_sums_for(self._record, linear=True)
+    def _lag_sums(self, linear: bool) -> LagSums:
+        if linear not in self._sums:
+            self._sums[linear] = lag_sums_for(self._record, linear)
+        return self._sums[linear]
 
     def curvatures(self, points: Array, smoothing: Array, linear: bool) -> Array:
         """Gauss-Newton matrices, (M, n, n), complete or only where B, level and states meet.  Those
         of the absolute loss are scaled by its mean second derivative: twice the density of the
         residuals at zero."""
         lender = self.lender
-        sums = lender._linear_lag_sums if linear else lender._lag_sums
+        sums = lender._lag_sums(linear)
         matrices: Array = gauss_newton_matrices(
             *(self._record, self.objective, lender._workspace, sums, DENSITY_BANDWIDTH),
             *(np.ascontiguousarray(points), smoothing),

@@ -29,7 +29,7 @@ def common_denominators(errors: PolynomialErrors) -> Iterator[Array]:
     """Denominators for all inputs of the longest stretch, (max(na, nf_i),) each."""
     u, y, o = errors.inputs, errors.output, errors.orders
     order = max(o.na, *o.nf, 0)
-    yield arx(u, y, order, o.nb, o.nk)[:order]
+    yield arx(u, y, order, o.nb, o.nk)[:order] if order else np.empty(0)
     if order == 0 or o.inputs == 0:
         return
     signals = sha256(u.tobytes() + y.tobytes()).digest()
