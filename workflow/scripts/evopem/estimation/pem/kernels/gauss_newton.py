@@ -255,10 +255,9 @@ def _complete_sums(buffers):
 
 
 @njit
-def _add_responses(record, buffers, step, across):
-    """Add what enters the copies of y and u_i from the past, to the columns or to the rows."""
-    parts, sums = buffers.parts, buffers.sums
-    width = buffers.width
+def _add_responses(record, buffers):
+    """Add what enters the copies of y and u_i from the past, to the rows."""
+    parts, sums, width = buffers.parts, buffers.sums, buffers.width
     for p in range(parts.shape[0]):
         if parts[p, 6] < 0:
             continue
@@ -270,10 +269,21 @@ def _add_responses(record, buffers, step, across):
                 else:
                     t = record.residual_start - record.nk[i] - lag
                     past = load_either(record.u, i * record.y.size + t)
-                into, source = (parts[p, 3] + copy) * across, (response + copy - lag) * across
+                into, source = (parts[p, 3] + copy) * width, (response + copy - lag) * width
                 for k in range(width):
-                    s = fma(past, load(sums, source + k * step), load(sums, into + k * step))
-                    store(sums, into + k * step, s)
+                    s = fma(past, load(sums, source + k), load(sums, into + k))
+                    store(sums, into + k, s)
+
+
+@njit
+def _transpose(buffers):
+    """Rows of the sums to columns."""
+    sums, width = buffers.sums, buffers.width
+    for i in range(width):
+        for j in range(i):
+            of_row, of_column = load(sums, i * width + j), load(sums, j * width + i)
+            store(sums, i * width + j, of_column)
+            store(sums, j * width + i, of_row)
 
 
 @allocating_njit
@@ -302,9 +312,10 @@ def _gauss_newton(record, workspace, buffers):
             _add_products_of_parts(record, buffers, segment, now, high - low, alive)
         _keep_last(buffers, segment, history, end - begin, alive)
     _complete_sums(buffers)
-    next_row, width = np.intp(1), buffers.width
-    _add_responses(record, buffers, width, next_row)
-    _add_responses(record, buffers, next_row, width)
+    # The sums are symmetric before: to the rows twice, as columns follow each other in memory.
+    _add_responses(record, buffers)
+    _transpose(buffers)
+    _add_responses(record, buffers)
 
 
 @njit
