@@ -86,6 +86,25 @@ was run on any:
   National Institute of Standards and Technology by the minute under feedback of a room that its
   laboratory imitates: power of the outdoor unit, temperature of the air that it supplies, at rest
   while the fan is off; two days).
+
+The set ``ninth`` is for one measurement at the end: 7 recordings of other sources than those of the
+sets before, one of several inputs, chosen by plots and documents and split before anything was run
+on any:
+
+- tonykhkim/System-Identification (none): ``gt1_forPython.mat`` (car that somebody drives in bends:
+  angle of the wheels, rate of yaw, every tenth sample of 3000 to 44000);
+- versi379/Quadcopter-System-Identification (none): ``input_output_data_12.mat`` of
+  ``data/input_output_data_MATLAB`` (quadrotor under feedback: thrust, height, every tenth sample of
+  3500 to 24500; the interval varies by a few per cent);
+- LuisM78/Occupancy-detection-data (none; Candanedo and Feldheim 2016): ``datatraining.txt`` (office
+  by five minutes: light, temperature; somebody there, carbon dioxide);
+- zhouhaoyi/ETDataset (CC BY-ND): ``ETTh1.csv`` of ``ETT-small`` (transformer of a grid by the hour:
+  three reactive loads, temperature of its oil);
+- opatiny/micromouse (CERN-OHL-P): ``testPid2.csv`` of ``matlab/data`` (motor of a small robot under
+  PID: command, speed in steps of its encoder);
+- jmnzzz210/IE0431-proyecto (MIT): ``datos_motor-3-3_lambda.csv`` of ``Data`` (motor of a course
+  under feedback: what its controller sends, speed with outliers, by the course of the signals and
+  not by their headings; logged at intervals that vary and read every 31 milliseconds).
 """
 
 from __future__ import annotations
@@ -96,7 +115,15 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from recordings_of_others import CSV, PLAIN, Record, columns_of, content_of, first_samples_of
+from recordings_of_others import (
+    CSV,
+    PLAIN,
+    Record,
+    columns_of,
+    content_of,
+    first_samples_of,
+    signals_of,
+)
 
 
 def seventh(folder: Path) -> Iterator[Record]:
@@ -257,5 +284,43 @@ def eighth(folder: Path) -> Iterator[Record]:
             ("EVE cell", cell, 2300, 1530, 1.0),
             ("reciprocal blows", struck, 2500, 2500, 4000.0),
             ("air-source heat pump", pump, 970, 970, 1 / 60),
+        )
+    )
+
+
+def ninth(folder: Path) -> Iterator[Record]:
+    """Recordings for one measurement at the end: 7, of one output; one has three inputs."""
+    table = partial(columns_of, folder)
+
+    def car() -> list[np.ndarray]:
+        signals = signals_of(folder, "gt1_forPython.mat", "WSA_rad", "Yaw_Rate")
+        return [each[3000:44_000:10] for each in signals]
+
+    def height() -> list[np.ndarray]:
+        keys = "controller_thrust", "pose_z"
+        signals = signals_of(folder, "input_output_data_12.mat", *keys)
+        return [each[3500:24_500:10].astype(float) for each in signals]
+
+    def office(u: int, y: int) -> list[np.ndarray]:
+        return [each[::5] for each in table("datatraining.txt", u, y, **CSV)]
+
+    def transformer() -> list[np.ndarray]:
+        columns = np.genfromtxt(folder / "ETTh1.csv", **CSV, max_rows=4500)
+        return [columns[:, [2, 4, 6]], columns[:, 7]]
+
+    def course() -> list[np.ndarray]:
+        name = folder / "datos_motor-3-3_lambda.csv"
+        seconds, *both = np.genfromtxt(name, **CSV, usecols=(0, 2, 3)).T
+        return [np.interp(1.0 + 0.031 * np.arange(3000), seconds, each) for each in both]
+
+    yield from first_samples_of(
+        (
+            ("car in bends", car, 2600, 1500, 10.0),
+            ("quadrotor's height", height, 1300, 800, 10.0),
+            ("light in an office", lambda: office(4, 2), 1000, 628, 1 / 300),
+            ("carbon dioxide", lambda: office(7, 5), 1000, 628, 1 / 300),
+            ("transformer", transformer, 3000, 1500, 1 / 3600),
+            ("micromouse", lambda: table("testPid2.csv", 3, 2, **CSV), 500, 248, 1 / 0.011),
+            ("motor of a course", course, 1900, 1100, 1 / 0.031),
         )
     )
