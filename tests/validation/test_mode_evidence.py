@@ -416,6 +416,17 @@ def test_a_sweep_tells_a_slow_mode_from_a_finite_response(finite, sweep, damping
     assert ("finite" in " ".join(judged.doubts)) == doubted
 
 
+def test_errors_of_the_first_samples_are_not_those_of_the_noise():
+    """They hold responses to inputs before the record, and ring where a mode is left out."""
+    a, b = factor(pole(10.0, 0.003)), np.array([1.0, 0.5])
+    u, e = np.random.default_rng(12).standard_normal((2, 3000))
+    y = lfilter(np.r_[np.zeros(9), b], a, u) + lfilter([1e-4], a, e)
+    model = PolynomialModel(a, b, np.ones(1), nk=9, sampling_rate=RATE)
+    (stretch,) = divided(model, Recording(u, y, RATE).between(500, 3000), 2000)
+    assert np.abs(stretch.outputs - stretch.predicted_from_start()).max() > 1.0
+    assert np.abs(ModalParts.of(model.modes(), stretch).innovations).max() < 1e-3
+
+
 @pytest.mark.parametrize(("highest", "reached"), [(14.0, None), (30.0, True)])
 def test_a_mode_without_input_near_it_is_not_reached(highest, reached):
     """What it adds at other frequencies says as much for it as for any other pole."""

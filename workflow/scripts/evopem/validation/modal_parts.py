@@ -60,11 +60,11 @@ class ModalParts:
     def of(cls, modes: Sequence[Mode], record: HeldOut) -> Self:
         """Divide the outputs of a stretch whose validation samples are held out."""
         model, outputs = record.model, record.outputs
-        first = record.first or unscored_samples(model, len(outputs))
+        unknown = unscored_samples(model, len(outputs))
         # Participations are those of inputs one sample before, beyond further delays.
         drives = delayed(record.inputs, [delay + 1 for delay in model.delays])
-        innovations = outputs - record.predicted_from_start()
-        innovations[: first * (not record.before)] = 0.0  # errors of the state
+        innovations, first = outputs - record.predicted_from_start(), record.first or unknown
+        innovations[:unknown] = 0.0  # errors of the state, and of inputs before the record
         past = delayed(innovations, (1,) * innovations.shape[1])
         return cls(
             outputs,
