@@ -425,6 +425,9 @@ def test_errors_of_the_first_samples_are_not_those_of_the_noise():
     (stretch,) = divided(model, Recording(u, y, RATE).between(500, 3000), 2000)
     assert np.abs(stretch.outputs - stretch.predicted_from_start()).max() > 1.0
     assert np.abs(ModalParts.of(model.modes(), stretch).innovations).max() < 1e-3
+    # They ring for as long as these samples last, a hundred times larger than the errors.
+    (judged,) = table_of_models([OrderModel.of(2, 0.0, model)], 2, lambda _: (stretch,)).modes
+    assert judged.needed_by_noise
 
 
 @pytest.mark.parametrize(("highest", "reached"), [(14.0, None), (30.0, True)])

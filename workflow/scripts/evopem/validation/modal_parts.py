@@ -12,12 +12,12 @@ from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.states import delayed
 from evopem.validation.held_out_tests import (
+    HALF_WAY,
     NO_TEST,
     SIGNIFICANCE,
     HeldOutContribution,
     HeldOutTest,
     half_waves,
-    improvement_test,
     joint_contribution_test,
     left_by,
 )
@@ -121,8 +121,8 @@ class ModalParts:
         ]
         return HeldOutContribution(self.outputs[first:], parts[index][first:], nuisance)
 
-    def without(self, pole: complex, zeros: Complex) -> tuple[Array, Array]:
-        """One-step errors of a noise filter without a pair of poles, and those with it, (N, 1).
+    def without(self, pole: complex, zeros: Complex) -> HeldOutContribution:
+        """One-step errors of a noise filter without a pair of poles, and what these explain.
 
         The pair is removed together with the zeros of the filter nearest to it: a pole that these
         cancel makes no difference.  The filter of several outputs has no such zeros.
@@ -130,7 +130,9 @@ class ModalParts:
         from scipy.signal import lfilter
 
         without = lfilter(_nearest(zeros, pole), _factor(pole), self.innovations, axis=0)
-        return without[self.first :], self.innovations[self.first :]
+        tested = without[self.first :]
+        explained = tested - self.innovations[self.first :]
+        return HeldOutContribution(tested, explained, [np.empty((len(tested), 0))])
 
 
 def _nearest(zeros: Complex, pole: complex) -> Array:
@@ -276,5 +278,5 @@ def _noise_test(
     it.  Among the partial fractions of one filter neighbours make up for each other, so that
     superfluous ones would seem needed."""
     if records[0].outputs.shape[1] == 1:
-        return improvement_test([record.without(pole, zeros) for record in records])
+        return joint_contribution_test([r.without(pole, zeros) for r in records], HALF_WAY)
     return joint_contribution_test([record.of_noise(index) for record in records])
