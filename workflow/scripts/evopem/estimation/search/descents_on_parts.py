@@ -64,6 +64,8 @@ def descents_on_parts(
     matrices = stacked(points, every, smoothing, barriers)
     inverses = damped_inverses(matrices)
     lost |= nearly_dependent(matrices, inverses)
+    if lost.all():
+        return [None] * len(parts)
     line_search = smoothing, barriers, stage.tolerance, MAX_ITERATIONS
     ended = descend_by(
         *(partial(passes.advance, line_search), points),

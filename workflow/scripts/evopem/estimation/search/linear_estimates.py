@@ -29,15 +29,15 @@ def common_denominators(errors: PolynomialErrors) -> Iterator[Array]:
     """Denominators for all inputs of the longest stretch, (max(na, nf_i),) each."""
     u, y, o = errors.inputs, errors.output, errors.orders
     order = max(o.na, *o.nf, 0)
-    yield arx(u, y, order, o.nb, o.nk)[:order] if order else np.empty(0)
-    if order == 0 or o.inputs == 0:
-        return
     signals = sha256(u.tobytes() + y.tobytes()).digest()
     known = _KNOWN(signals, order, o.nb, o.nk, errors.plant_radius)
     if not known:
+        known.append(arx(u, y, order, o.nb, o.nk)[:order] if order else np.empty(0))
+    yield known[0]
+    if len(known) == 1 and order and o.inputs:
         with suppress(np.linalg.LinAlgError, ValueError):
             known.extend(_of_dynamics(u, y, o, order, errors.plant_radius))
-    yield from known
+    yield from known[1:]
 
 
 def _of_dynamics(u: Array, y: Array, o: Orders, order: int, radius: float) -> Iterator[Array]:
