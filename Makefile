@@ -16,7 +16,7 @@ UPGRADE ?=
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile --require-hashes -r
 # What a search needs, and all else, beside each other: pip takes one core.  The lock file is complete.
 SEARCH := annotated-types|llvmlite|numba|numpy|pydantic|pydantic-core|pyyaml|scipy|threadpoolctl|typing-.*
-HALF = awk '/^[a-z]/ {searches = /^($(SEARCH))==/} $(1)searches' $< | $(INSTALL) /dev/stdin --no-deps
+HALF = awk '/^[a-z]/ {searches = /^($(SEARCH))==/} $(1)searches' requirements.lock | $(INSTALL) /dev/stdin --no-deps
 # Two short searches, whose kernels the jobs of the first run would each compile.
 KERNELS := from numpy.random import default_rng; from evopem import SearchSettings, estimate; \
 	u, y = default_rng(1).standard_normal((2, 300)); \
@@ -27,7 +27,7 @@ unexport PYTHONDONTWRITEBYTECODE
 COMPILE := $(BIN)/uv pip compile pyproject.toml $(EXTRAS) --universal --python-version 3.11 \
 	--generate-hashes --no-emit-index-url --no-emit-find-links --no-header --quiet
 
-.PHONY: report test matrix quick test-slurm lint format docs keys lock audit fuzz bench screenshots clean
+.PHONY: report test matrix quick test-slurm lint format docs keys lock audit fuzz bench screenshots clean install-search install-rest
 .DEFAULT_GOAL := report
 
 report: $(VENV)/installed  ## run config.yaml from data to report
@@ -106,9 +106,15 @@ $(BIN)/python:
 
 $(VENV)/installed: requirements.lock $(BIN)/python
 	@echo "Installing requirements.lock into $(VENV)"
-	@{ $(call HALF) && PYTHONPATH=workflow/scripts $(BIN)/python -c '$(KERNELS)'; } & search=$$!; \
-		$(call HALF,!); rest=$$?; wait $$search && exit $$rest
+	@$(MAKE) --no-print-directory --jobs 2 install-search install-rest
 	@touch $@
+
+install-search:
+	@$(call HALF)
+	@PYTHONPATH=workflow/scripts $(BIN)/python -c '$(KERNELS)'
+
+install-rest:
+	@$(call HALF,!)
 
 $(VENV)/installed-dev: requirements-dev.lock $(VENV)/installed
 	$(INSTALL) requirements-dev.lock
