@@ -1,6 +1,7 @@
 """The delay that the automatic recipe decides for one input and one output."""
 
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -130,6 +131,27 @@ def test_feedback_of_white_noise_is_told_from_a_direct_response():
         choice = decide_delays([Segment(inputs, y[:, None])], list("uv")[: inputs.shape[1]])
         assert choice.shortest == 1
         assert choice.delays[-1] == 1
+
+
+def test_a_direct_response_without_noise_is_not_called_feedback():
+    """Nothing but rounding is left, which has no likelihood."""
+    t, phases = np.arange(1000), np.random.default_rng(0).uniform(0, 2 * np.pi, 8)
+    u = np.cos(2 * np.pi * np.outer(t, np.arange(1, 9)) * 5 / 1000 + phases).sum(axis=1)
+    y = lfilter([1.0, 0.5], [1.0, -0.8], u)
+    choice = decide_delays([Segment(u, y)], ["u"])
+    assert choice.delays == (0,)
+    assert choice.shortest == 0
+
+
+def test_delays_of_many_inputs_in_short_pieces_are_decided():
+    """The pieces have fewer rows than the models of all channels have coefficients."""
+    g = np.random.default_rng(0)
+    u = g.standard_normal((1564, 4))
+    y = lfilter([0.0, 1.0], [1.0, -0.5], u, axis=0).sum(axis=1, keepdims=True)
+    y += 0.1 * g.standard_normal(y.shape)
+    cuts = [0, 64, *range(79, 1564, 15)]
+    segments = [Segment(u[a:b], y[a:b]) for a, b in pairwise(cuts)]
+    assert decide_delays(segments, list("abcd")).shortest == 0
 
 
 def test_feedback_of_an_output_is_found_in_any_units():

@@ -214,8 +214,9 @@ def _decision(
 def _paths(scorer: Scorer, structure: str) -> Iterator[list[list[Orders]]]:
     """Orders from small to large; those of a step are alternatives of about the same size.
 
-    One without poles is left out where limits ask for some.  Where a long delay is not certain, all
-    begin early too; where it is long, a regularised response as early as it may: it needs none.
+    One without poles is left out where limits ask for some.  Polynomials begin
+    early too where a long delay is not certain, and a regularised response, which needs none, as
+    early as it may where it is long.
     """
     late = scorer.plan.late_response * (structure in REGULARISED)
     early = scorer.early or scorer.delays

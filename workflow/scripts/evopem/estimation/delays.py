@@ -203,21 +203,25 @@ def is_of_feedback(segments: Sequence[Segment]) -> bool:
 
     Both make their innovations correlated, of the same likelihood (Gevers & Anderson 1981). The
     BIC of ARX models of both tells which of them needs less: an output behind a delay and an input
-    that knows its same sample, or other pairs.
+    that knows its same sample, or other pairs; of several pairs one may do so by chance.
     """
     inputs, outputs = segments[0].inputs.shape[1], segments[0].outputs.shape[1]
+    evidence = AS_WELL + 2.0 * math.log(max(inputs * outputs, 1))
     for j, i in np.ndindex(outputs, inputs):
         alone = [segment.of_output(j) for segment in segments]
         with one_blas_thread():
             of_output, of_input = _at_once(alone, i, inputs), _at_once(alone, inputs, i)
         others = min(of_output[:2]) + min(of_input[1:])
-        if of_output[1] + of_input[0] + AS_WELL < others:
+        if of_output[1] + of_input[0] + evidence < others:
             return True
     return False
 
 
 def _at_once(segments: Sequence[Segment], cause: int, effect: int) -> list[float]:
-    """Lowest BIC of ARX models of a channel, with lags of another from 0 on, from 1 on, or none."""
+    """Lowest BIC of ARX models of a channel, with lags of another from 0 on, from 1 on, or none.
+
+    Infinite where too few samples, or an exact model, leave no likelihood.
+    """
     inputs = [cause, *sorted({*range(segments[0].inputs.shape[1] + 1)} - {cause, effect})]
     parts = []
     for segment in segments:
@@ -228,15 +232,17 @@ def _at_once(segments: Sequence[Segment], cause: int, effect: int) -> list[float
     n, lowest, stop = problem.count, [math.inf] * 3, problem.triangle.shape[1] - 1
     if n < SAMPLES_PER_COEFFICIENT * problem.fewest:
         return lowest
-    rounding = np.finfo(float).eps * np.linalg.norm(problem.triangle[:, stop]) + 1e-300
+    exact = FLOOR * np.sum(problem.triangle[:, stop] ** 2)
     for past in (0, *problem.orders):
         rest = chain(*(problem._columns(k, 0, past + 1) for k in range(1, problem.m)))
         base = [*range(stop - problem.constants, stop), *range(past), *rest]
         for first in (0, 1):
             columns = [*base, *problem._columns(0, first, max(problem.orders)), stop]
             r: Array = np.asarray(np.linalg.qr(problem.triangle[:, columns], mode="r"))
-            bic = n * np.log(np.cumsum(r[::-1, -1] ** 2)[::-1] + rounding**2)
-            bic += math.log(n) * np.arange(len(bic))
+            left = np.cumsum(r[::-1, -1] ** 2)[::-1]
+            if len(left) < len(columns) or left[-1] <= exact:
+                return [math.inf] * 3
+            bic = n * np.log(left) + math.log(n) * np.arange(len(left))
             lowest[first] = min(lowest[first], *bic[len(base) + 1 :])
             lowest[2] = min(lowest[2], bic[len(base)])
     return lowest

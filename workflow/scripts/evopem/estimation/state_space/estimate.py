@@ -199,7 +199,7 @@ def estimates_of_orders(
     plants = replace(task, structure="ss_oe", weighting=PLANT_WEIGHTING, covariances=False)
     given = recording, orders, plants, min(width, WIDTH), steps, starts, log
     for plant in plain_estimates(*given):
-        with suppress(NoModelError):
+        with suppress(NoModelError, np.linalg.LinAlgError):
             yield replace(estimate_beside(plant.model, recording, task), order=plant.order)
 
 
