@@ -245,7 +245,7 @@ def test_a_mode_forty_decibels_below_the_output_or_slower_than_the_record_is_not
     [
         *((9.9, 0.5, True, 1, 1.0), (10.0, 0.5, True, 0, 1.0), (np.nan, 0.5, True, 1, np.nan)),
         *((9.9, 1.0, False, 1, 1.0), (10.0, 1.0, False, 0, 1.0), (10.0, 0.5, False, 2, 1.0)),
-        (10.0, np.nan, False, 1, 1.0),  # no other order has enough poles to share it
+        (10.0, np.nan, False, 0, 1.0),  # nothing where no other order has enough poles to share it
         # Its response to the input is not of the size that the model gives it.
         *((14.5, 1.0, False, 1, 0.11), (14.5, 0.5, True, 1, 2.0), (14.5, 1.0, False, 0, 1.26)),
     ],

@@ -335,7 +335,7 @@ def doubts(
     mode, reasons = evidence.mode, []
     driven = is_driven_clearly(evidence.input_test)
     clear = driven and not evidence.elsewhere
-    clear &= evidence.confirmed or bool(evidence.stable)
+    clear &= evidence.confirmed or evidence.stable is not False
     lasts = driven or has_known_damping(mode)
     decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
     colour = COLOUR_OF_FORCES if shape_doubt(mode) else COLOUR_OF_FORCE
