@@ -1,6 +1,7 @@
 """Sentences of the report: computed from the results, and changed with them."""
 
 import math
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -381,6 +382,23 @@ def test_a_band_that_is_wide_where_the_response_is_large_is_not_good(results):
     assert "where the response is large" not in answers[0].reason
     assert answers[1].answer != "good"
     assert "where the response is large" in answers[1].reason
+
+
+def test_slow_frequencies_count_as_in_a_bode_diagram(results):
+    """They are few of those at even steps, where a noise model may take what the input moves."""
+    table = results.frequency_response.copy()
+    table["gain_lower"], table["gain_upper"] = 0.99 * table["gain"], 1.01 * table["gain"]
+    slow = table["frequency_hz"].between(0.2, 1.0)
+    table.loc[slow, "gain"] = table["gain"].max()
+    table.loc[slow, "gain_lower"], table.loc[slow, "gain_upper"] = (
+        factor * table.loc[slow, "gain"] for factor in (0.5, 2.0)
+    )
+    found = verdict(replace(results, frequency_response=table))
+    [use] = [use for use in found.uses if use.name == "the frequency response"]
+    assert use.answer != "good"
+    ((off, place),) = re.findall(r"off by up to (\d+).% .*, most at ([\d.]+).Hz", use.reason)
+    assert 30.0 < float(off) < 100.0 * np.log(2.0) * 1.25
+    assert 0.2 <= float(place) <= 1.0
 
 
 @pytest.mark.parametrize(

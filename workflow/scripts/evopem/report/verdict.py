@@ -8,9 +8,8 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from evopem.arrays import Array
-from evopem.estimation.model_record import ModelRecord
 from evopem.models.modes import Mode
+from evopem.models.parameter_covariance import NORMAL_95
 from evopem.report.numbers import (
     THIN,
     count,
@@ -45,10 +44,9 @@ _WORDS: dict[Answer, str] = {"good": "good for", "care": "with care for", "no": 
 # Simulation errors, percent of the output's standard deviation, up to which a simulation is good
 # and of use at all: the report shows them beside the word. From the last on, a model is of no use.
 GOOD_SIMULATION, USABLE_SIMULATION, ERROR_OF_MEAN = 30.0, 60.0, 100.0
-# Half width of a 95 % band of the gain, in percent of it, from which on the gain is a rough one.
-WIDE_BAND = 25.0
-# The same of the band's power over the gain's, which its peaks decide.
-WIDEST_OF_POWER = 50.0
+# Half width of a 95 % band of the gain, %, from which on it is a rough one; 95 % error of a good
+# response; and within how many half bands of their real part 95 % of circular complex errors are.
+WIDE_BAND, GOOD_RESPONSE, CIRCULAR_95 = 25.0, 30.0, math.sqrt(2.0 * math.log(20.0)) / NORMAL_95
 BELOW_MEAN = math.nextafter(ERROR_OF_MEAN, 0.0)
 
 OF_NOISE = "of the noise filter alone, and not tested"
@@ -251,16 +249,18 @@ def _frequency_response(results: DatasetResults) -> Use:
         return _use(key, name, ("no", text), checked)
     table = results.responses
     table = table[table["source"] == results.model_source[0]]
-    half, whole = _widest_band(table).tolist()
+    samples = max(validation.residual_samples, 1)
+    bands = _bands(table, results.model.has_input * results.model.sampling_rate / samples)
+    half, (off, place) = float(np.max([b[0] for b in bands])), max(band[1:] for band in bands)
     least = ", of the least known pair" if len(results.pairs) > 1 else ""
     text = f"gain ±{percent(half, 2)} (95 % band, median over frequency{least})"
     if not half <= 100.0:
         wide = f"is wider than the gain itself at half of the frequencies or more{least}"
         text = f"its 95 % band {'is not known' if math.isnan(half) else wide}"
     findings: list[Finding] = [("good" if half <= WIDE_BAND else "care", text)]
-    if whole > WIDEST_OF_POWER:
-        text = "the band is wider than half of the gain where the response is large"
-        findings.append(("care", text))
+    if off > GOOD_RESPONSE:
+        text = f"off by up to {percent(off, 2)} where the response is large (95 %), most at"
+        findings.append(("care", f"{text} {number(place, 3)}{THIN}Hz"))
     if results.model.has_input and is_number(error) and error >= USABLE_SIMULATION:
         # What the model leaves out of the response is not in the band.
         words = "it leaves" if results.of_responses else "simulations are off by"
@@ -268,15 +268,19 @@ def _frequency_response(results: DatasetResults) -> Use:
     return _use(key, name, *findings, checked)
 
 
-def _widest_band(table: pd.DataFrame) -> Array:
-    """Widest half bands of ln(gain) but at 0 Hz, of all pairs, %: median, root mean square; NaN."""
+def _bands(table: pd.DataFrame, lowest: float) -> list[tuple[float, float, float]]:
+    """Of each pair the median half band of ln(gain) but at 0 Hz, %, or NaN, and the error, % of the
+    response, and where most is: in a Bode diagram from a ``lowest`` frequency on, or a spectrum."""
     bands = []
     for _, pair in table.groupby([column for column in ("output", "input") if column in table]):
         inside = pair[(pair["gain"] > 0) & pair["gain_lower"].notna() & (pair["frequency_hz"] > 0)]
-        half, gain = np.log(inside["gain_upper"] / inside["gain_lower"]) / 2.0, inside["gain"]
-        power = float(np.linalg.norm(half * gain)) / max(float(np.linalg.norm(gain)), 1e-300)
-        bands.append((100.0 * half.median(), 100.0 * power))
-    return np.asarray(np.max(bands, axis=0))
+        half, f = np.log(inside["gain_upper"] / inside["gain_lower"]) / 2.0, inside["frequency_hz"]
+        axis, factor = (np.log(f), CIRCULAR_95) if lowest else (f, 1.0)  # a spectrum has no phase
+        power = inside["gain"] ** 2 * (f >= lowest) * (np.gradient(axis) if len(f) > 1 else 1.0)
+        errors = power * half**2
+        off = factor * math.sqrt(errors.sum() / max(power.sum(), 1e-300))
+        bands.append((100.0 * half.median(), 100.0 * off, f.iloc[errors.argmax()] if len(f) else 0))
+    return bands
 
 
 def _modes(results: DatasetResults) -> Use:
@@ -304,16 +308,12 @@ def _modes(results: DatasetResults) -> Use:
     return _use("modes", name, *findings)
 
 
-def standard_errors(record: ModelRecord) -> np.ndarray:
-    """Of the coefficients of polynomials, or of the entries of a state-space model."""
-    if record.parameter_standard_errors is not None:
-        return np.asarray(record.parameter_standard_errors)
-    known = record.orders is None and record.model.covariance is not None
-    return np.full(record.model.parameters.size, 0.0 if known else np.nan)
-
-
 def _intervals(results: DatasetResults) -> Use:
-    checked, errors = _by_checks("intervals", results), standard_errors(results.model)
+    checked, record = _by_checks("intervals", results), results.model
+    known = record.orders is None and record.model.covariance is not None
+    of_entries = np.full(record.model.parameters.size, 0.0 if known else np.nan)
+    given = record.parameter_standard_errors
+    errors = of_entries if given is None else np.asarray(given)
     findings: list[Finding] = []
     nonlinear = any(check.name == LINEAR and check.passed is False for check in results.checks)
     if results.validation.distortion.prevails or (nonlinear and results.validation.at_floor):
