@@ -95,7 +95,7 @@ class StretchErrors:
 
     def _residuals(self, point: Array) -> Array:
         """Residuals from the first on; x_i and v stand in the workspace as well."""
-        none, first = np.zeros(1), self._record.history
+        none, first = np.zeros(1), self._record.layout["history"]
         self._alone.passed(RESIDUALS, point[None, :], none, none)
         return self._workspace.e[first : first + self.samples - self.residual_start, 0].copy()
 
@@ -110,7 +110,7 @@ class StretchErrors:
         """What the entries of a point multiply, in their order."""
         o, start, record, work = self.orders, self.residual_start, self._record, self._workspace
         e = self._residuals(point)
-        rows = slice(record.history, record.history + len(e))
+        rows = slice(first := record.layout["history"], first + len(e))
         v = work.v[rows, 0].copy() if o.nd else e
         impulse = np.zeros(len(e))
         impulse[0] = 1.0
@@ -121,7 +121,7 @@ class StretchErrors:
             f, u = np.append(1.0, point[o.part("f", i)]), self.inputs[:, i]
             of_b.append(_Regressors(-u, start, nk, nb, d, (c, f)))
             if nf:
-                x = work.x[i * record.rows :][rows, 0]
+                x = work.x[i * record.layout["rows"] :][rows, 0]
                 of_f.append(_Regressors(*_from_rest(-x, nf), 1, nf, d, (c, f)))
                 of_states.append(_Regressors(*_from_rest(impulse, nf), 0, nf, d, (c, f)))
         regressors = [

@@ -51,8 +51,8 @@ def _mean_second_derivatives(record, workspace, bandwidth):
     """Mean second derivative of ``sqrt(e**2 + width**2)`` over the residuals, to ``total``.  Twice
     a kernel estimate of their density at zero, ``width`` being ``bandwidth`` in mean ``|e|`` but no
     narrower than the smoothing."""
-    zero, before = constant(0.0), record.residual_start - record.history
-    first, last = record.loss_start - before, record.loss_stop - before
+    zero, before = constant(0.0), record.layout.residual_start - record.layout.history
+    first, last = record.layout.loss_start - before, record.loss_stop - before
     count = last - first
     store(workspace.total, 0, sum_of_losses(workspace.e, True, first, last, zero))
     for lane in range(LANES):
@@ -72,19 +72,19 @@ def _mean_second_derivatives(record, workspace, bandwidth):
 @njit
 def _fill_source(record, workspace, source, part, begin, end):
     """A stretch of the signal that the first coefficient of a part multiplies."""
-    kind, i, start = part[0], part[1], record.residual_start
-    before = start - record.history
+    kind, i, start = part[0], part[1], record.layout.residual_start
+    before = start - record.layout.history
     for t in range(begin, end):
         if kind == OF_A:
             s = load_either(record.y, t - 1)
         elif kind == OF_B:
-            s = load_either(record.u, i * record.y.size + t - record.nk[i])
+            s = load_either(record.u, i * record.y.size + t - record.of_inputs[i].nk)
         elif kind == OF_C:
             s = load(workspace.e, t - 1 - before)
         elif kind == OF_D:
             s = load(workspace.v, t - 1 - before)
         elif kind == OF_F:
-            s = load(workspace.x, i * record.rows + t - 1 - before)
+            s = load(workspace.x, i * record.layout.rows + t - 1 - before)
         else:
             s = constant(1.0 if kind == LEVEL or t == start else 0.0)
         store(source, t - begin, s)
@@ -100,7 +100,7 @@ def _through_c_alone(kind):
 def _through_f(record, part):
     """Whether the signal of a part is filtered through an 1/F_i."""
     kind, i = part[0], part[1]
-    return kind in (OF_B, OF_F, PLANT_STATE) and record.nf[i] > 0
+    return kind in (OF_B, OF_F, PLANT_STATE) and record.of_inputs[i].nf > 0
 
 
 @njit
@@ -110,17 +110,17 @@ def _filter_source(record, parameters, buffers, part, row, size):
     through_f = _through_f(record, part)
     for k in range(0, size, PAIR):
         s, now = load_eight(source, k, 1), row + k
-        if record.nc > 0:
-            s = filter_eight(parameters, record.at_c, record.rows_c, s, by_c, now, 1)
+        if record.layout.nc > 0:
+            s = filter_eight(parameters, record.layout.at_c, record.layout.rows_c, s, by_c, now, 1)
         else:
             store_eight(by_c, now, 1, s)
         if _through_c_alone(part[0]):
             continue
-        if record.nd > 0:
-            s = add_lags(parameters, record.at_d, record.nd, by_c, now - 1, 1, s)
+        if record.layout.nd > 0:
+            s = add_lags(parameters, record.layout.at_d, record.layout.nd, by_c, now - 1, 1, s)
             store_eight(by_d, now, 1, s)
         if through_f:
-            at, rows = record.at_f[part[1]], record.rows_f[part[1]]
+            at, rows = record.of_inputs[part[1]].at_f, record.of_inputs[part[1]].rows_f
             filter_eight(parameters, at, rows, s, by_f, now, 1)
 
 
@@ -131,7 +131,7 @@ def _table_of(record, part, by_c, by_d, by_f):
         return by_c
     if _through_f(record, part):
         return by_f
-    if record.nd > 0:
+    if record.layout.nd > 0:
         return by_d
     return by_c
 
@@ -265,9 +265,9 @@ def _add_responses(record, buffers):
         for copy in range(1, parts[p, 2]):
             for lag in range(1, copy + 1):
                 if kind == OF_A:
-                    past = load_either(record.y, record.residual_start - 1 - lag)
+                    past = load_either(record.y, record.layout.residual_start - 1 - lag)
                 else:
-                    t = record.residual_start - record.nk[i] - lag
+                    t = record.layout.residual_start - record.of_inputs[i].nk - lag
                     past = load_either(record.u, i * record.y.size + t)
                 into, source = (parts[p, 3] + copy) * width, (response + copy - lag) * width
                 for k in range(width):
@@ -295,18 +295,18 @@ def _gauss_newton(record, workspace, buffers):
     for table in (buffers.by_c, buffers.by_d, buffers.by_f, sums):
         fill(table, 0, table.shape[0], 0.0)
     alive = np.ones(parts.shape[0], dtype=np.bool_)
-    for begin in range(record.residual_start, record.y.size, CHUNK):
+    for begin in range(record.layout.residual_start, record.y.size, CHUNK):
         end = min(begin + CHUNK, record.y.size)
         for p in range(parts.shape[0]):
             if alive[p]:
                 _fill_source(record, workspace, buffers.source, parts[p], begin, end)
                 row = p * segment + history
                 _filter_source(record, workspace.parameters, buffers, parts[p], row, end - begin)
-        if begin <= record.loss_start < end:
-            _keep_ends(record, buffers, segment, history, record.loss_start - begin, heads)
+        if begin <= record.layout.loss_start < end:
+            _keep_ends(record, buffers, segment, history, record.layout.loss_start - begin, heads)
         if begin < record.loss_stop <= end:
             _keep_ends(record, buffers, segment, history, record.loss_stop - begin, buffers.tails)
-        low, high = max(begin, record.loss_start), min(end, record.loss_stop)
+        low, high = max(begin, record.layout.loss_start), min(end, record.loss_stop)
         if high > low:
             now = history + low - begin
             _add_products_of_parts(record, buffers, segment, now, high - low, alive)

@@ -10,11 +10,12 @@ from evopem.estimation.pem.kernels.polynomials import barrier
 from evopem.estimation.pem.kernels.record import (
     CHUNK,
     PAIR,
+    Objective,
+    Record,
     fill,
     load_points,
     load_smoothing,
     state_weight,
-    stretch_of,
 )
 from evopem.estimation.pem.kernels.residuals import (
     add_lags,
@@ -43,31 +44,31 @@ trial_points, advance = map(allocating_njit, (bfgs.trial_points.py_func, bfgs.ad
 
 
 @njit
-def _slope(record, workspace, absolute, t, loss):
+def _slope(record, e, smoothing, absolute, t, loss):
     """Derivative of the loss by the residual of sample t, and ``loss`` plus the loss.  The absolute
     value is smoothed: ``sqrt(e**2 + smoothing**2)``."""
     zero = constant(0.0)
-    if t < record.loss_start or t >= record.loss_stop:
+    if t < record.layout.loss_start or t >= record.loss_stop:
         return zero, loss
-    value = load(workspace.e, t - record.residual_start + record.history)
+    value = load(e, t - record.layout.residual_start + record.layout.history)
     if absolute:
-        smoothing = load(workspace.smoothing, 0)
-        r = square_root(fma(value, value, fma(smoothing, smoothing, zero)))
+        width = load(smoothing, 0)
+        r = square_root(fma(value, value, fma(width, width, zero)))
         return divide(value, r), add(loss, r)
     return add(value, value), fma(value, value, loss)
 
 
 @njit
-def _slopes(record, workspace, absolute, t, loss):
+def _slopes(record, e, smoothing, absolute, t, loss):
     """The same of eight samples, from t on backwards."""
-    s0, loss = _slope(record, workspace, absolute, t, loss)
-    s1, loss = _slope(record, workspace, absolute, t - 1, loss)
-    s2, loss = _slope(record, workspace, absolute, t - 2, loss)
-    s3, loss = _slope(record, workspace, absolute, t - 3, loss)
-    s4, loss = _slope(record, workspace, absolute, t - 4, loss)
-    s5, loss = _slope(record, workspace, absolute, t - 5, loss)
-    s6, loss = _slope(record, workspace, absolute, t - 6, loss)
-    s7, loss = _slope(record, workspace, absolute, t - 7, loss)
+    s0, loss = _slope(record, e, smoothing, absolute, t, loss)
+    s1, loss = _slope(record, e, smoothing, absolute, t - 1, loss)
+    s2, loss = _slope(record, e, smoothing, absolute, t - 2, loss)
+    s3, loss = _slope(record, e, smoothing, absolute, t - 3, loss)
+    s4, loss = _slope(record, e, smoothing, absolute, t - 4, loss)
+    s5, loss = _slope(record, e, smoothing, absolute, t - 5, loss)
+    s6, loss = _slope(record, e, smoothing, absolute, t - 6, loss)
+    s7, loss = _slope(record, e, smoothing, absolute, t - 7, loss)
     return (s0, s1, s2, s3, s4, s5, s6, s7), loss
 
 
@@ -104,7 +105,8 @@ def _move(table, first, following, history):
 def _loss_and_gradient(record, workspace, absolute):
     """Loss of the models whose residuals stand in the table, and its gradient by a pass back."""
     parameters, gradient = workspace.parameters, workspace.gradient
-    y, u, start, history = record.y, record.u, record.residual_start, record.history
+    y, u, layout = record.y, record.u, record.layout
+    start, history = layout.residual_start, layout.history
     lam, xi = workspace.windows
     fill(gradient, 0, gradient.shape[0], 0.0)
     fill(lam, 0, lam.shape[0], 0.0)
@@ -116,38 +118,40 @@ def _loss_and_gradient(record, workspace, absolute):
         begin = max(end - CHUNK, start)
         for t in range(end - 1, begin, -PAIR):
             now, row = t - begin, t - start + history
-            s, loss = _slopes(record, workspace, absolute, t, loss)
-            if record.nc > 0:
-                s = filter_eight(parameters, record.at_c, record.rows_c, s, lam, now, -1)
-                _correlate(s, workspace.e, row - 1, record.nc, gradient, record.at_c)
-            if record.nd > 0:
+            s, loss = _slopes(record, workspace.e, workspace.smoothing, absolute, t, loss)
+            if layout.nc > 0:
+                s = filter_eight(parameters, layout.at_c, layout.rows_c, s, lam, now, -1)
+                _correlate(s, workspace.e, row - 1, layout.nc, gradient, layout.at_c)
+            if layout.nd > 0:
                 store_eight(lam, now, -1, s)
-                _correlate(s, workspace.v, row - 1, record.nd, gradient, record.at_d)
-                s = add_lags(parameters, record.at_d, record.nd, lam, now + 1, -1, s)
-            _correlate(s, y, t - 1, record.na, gradient, first)
-            if record.level:
-                _add_sum(s, gradient, record.at_level)
-            for i in range(record.inputs):
-                nf, at, w = record.nf[i], record.at_f[i], s
+                _correlate(s, workspace.v, row - 1, layout.nd, gradient, layout.at_d)
+                s = add_lags(parameters, layout.at_d, layout.nd, lam, now + 1, -1, s)
+            _correlate(s, y, t - 1, layout.na, gradient, first)
+            if layout.level:
+                _add_sum(s, gradient, layout.at_level)
+            for i in range(layout.inputs):
+                of, w = record.of_inputs[i], s
+                nf, at = of.nf, of.at_f
                 if nf > 0:
                     row_at = i * stretch + now
-                    w = filter_eight(parameters, at, record.rows_f[i], s, xi, row_at, -1)
-                    _correlate(w, workspace.x, i * record.rows + row - 1, nf, gradient, at)
-                q = i * y.size + t - record.nk[i]
-                _correlate(w, u, q, record.nb[i], gradient, record.at_b[i])
+                    w = filter_eight(parameters, at, of.rows_f, s, xi, row_at, -1)
+                    _correlate(w, workspace.x, i * layout.rows + row - 1, nf, gradient, at)
+                q = i * y.size + t - of.nk
+                _correlate(w, u, q, of.nb, gradient, of.at_b)
         if begin == start:
             break
         following = min(CHUNK, begin - start)
         _move(lam, first, following, history)
-        for i in range(record.inputs):
-            if record.nf[i] > 0:
+        for i in range(layout.inputs):
+            if record.of_inputs[i].nf > 0:
                 _move(xi, i * stretch, following, history)
         end = begin
-    for i in range(record.inputs):
-        for k in range(record.nf[i]):
-            store(gradient, record.at_g[i] + k, load(xi, i * stretch + k))
-    for k in range(record.states):
-        store(gradient, record.at_s + k, load(lam, k))
+    for i in range(layout.inputs):
+        of = record.of_inputs[i]
+        for k in range(of.nf):
+            store(gradient, of.at_g + k, load(xi, i * stretch + k))
+    for k in range(layout.states):
+        store(gradient, layout.at_s + k, load(lam, k))
     return loss
 
 
@@ -159,8 +163,8 @@ def pass_over(record, objective, workspace, task, points, smoothing, barriers):
     values, gradients = np.full(count, np.inf), np.zeros((count, n))
     of_roots = _barriers(record, objective, points, gradients)
     allowed = np.nonzero((of_roots < np.inf) | (task == RESIDUALS))[0]
-    first = record.loss_start - record.residual_start + record.history
-    last = record.loss_stop - record.residual_start + record.history
+    first = record.layout.loss_start - record.layout.residual_start + record.layout.history
+    last = record.loss_stop - record.layout.residual_start + record.layout.history
     for i in range(0, allowed.size, LANES):
         rows = allowed[i : i + LANES]
         load_points(record, points, rows, workspace.parameters)
@@ -205,7 +209,11 @@ def _pass_over_all(
         counted, owner = np.arange(len(points)), stretches.owners[k]
         if owner >= 0:
             counted = counted[rows == owner]
-        stretch, of_stretch = stretch_of(record, objective, stretches, k)
+        ends, weights = stretches.ends[k], stretches.weights[k]
+        signals = stretches.y[ends[0] : ends[1]], stretches.u[ends[2] : ends[3]]
+        of_losses = weights[0], weights[1], weights[2]
+        stretch = Record(*(signals + record[2:-1] + (ends[4],)))
+        of_stretch = Objective(*(objective[:1] + of_losses + objective[4:]))
         of_rows = (
             points[counted][:, at],
             smoothing[counted],
@@ -223,7 +231,7 @@ def _pass_over_all(
 def _barriers(record, objective, points, gradients):
     """Barriers of all monic polynomials of each row, inf where a root lies outside, and gradients.
     The gradients go to their rows, which are zero."""
-    order = record.largest_order
+    order = record.layout.largest_order
     work = np.empty((order + 1, order))
     barriers = np.zeros(points.shape[0])
     for k in range(record.monic.shape[0]):

@@ -5,9 +5,10 @@ stored signed, ``[a, -b_i, -c, d, -f_i, -level, g_i, s]``, C and F_i padded to :
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evopem.arrays import Array, Indices
-from evopem.compilation import allocating_njit, njit
+from evopem.compilation import njit
 from evopem.estimation.pem.kernels.simd import constant, lanes_table, store
 from evopem.models.orders import Orders
 
@@ -26,45 +27,27 @@ CHUNK = 128
 # Samples before the record that four lags at a time may read.
 FRONT = 4
 
+# Numbers of each input as one array, as are those of all in a layout: each array or number costs
+# time at compilation and at a call.
+INPUT = np.dtype([(name, np.intp) for name in ("nb", "nf", "nk", "rows_f", "at_b", "at_f", "at_g")])
+
 
 class Record(NamedTuple):
     """A record, the orders of the models that share a pass over it, and the samples that count.
     ``y`` and, one after the other, the inputs in ``u`` begin with :data:`FRONT` zeros, which sample
-    numbers include.  ``at_...``: first signed rows; ``entry``, ``sign``: the entry of a point that
-    each holds, or -1, and its sign.  ``parts``: kind, input, coefficients, first row.  ``monic``:
-    of each monic polynomial the first and last entry, and whether it is A or F_i.  ``history``:
-    rows looked back on."""
+    numbers include.  ``of_inputs``: :data:`INPUT` of each; ``layout``: the same of all, with rows
+    looked back on, ``history``; ``at_...``: first signed rows.  ``entry``, ``sign``: the entry of a
+    point that each holds, or -1, and its sign.  ``parts``: kind, input, coefficients, first row.
+    ``monic``: of each monic polynomial first and last entry, and whether it is A or F_i."""
 
     y: Array
     u: Array
-    inputs: int
-    na: int
-    nb: Indices
-    nc: int
-    nd: int
-    nf: Indices
-    nk: Indices
-    level: int
-    states: int
-    rows_c: int
-    rows_f: Indices
-    at_b: Indices
-    at_c: int
-    at_d: int
-    at_f: Indices
-    at_level: int
-    at_g: Indices
-    at_s: int
+    of_inputs: NDArray[np.void]
     entry: Indices
     sign: Array
+    layout: np.void
     parts: Indices
     monic: Indices
-    largest_order: int
-    plant_states: int
-    history: int
-    rows: int
-    residual_start: int
-    loss_start: int
     loss_stop: int
 
 
@@ -151,37 +134,35 @@ def record_of(
     # A whole number of pairs of blocks from the first residual on.
     length = len(output) + -(len(output) - residual_start) % PAIR + FRONT
     history = max([rows_c, nd, *rows_f]) + FRONT
+    of_inputs = list(zip(nb, nf, nk, rows_f, at[OF_B], at[OF_F], at[PLANT_STATE], strict=True))
+    layout = {
+        "inputs": len(nb),
+        "na": na,
+        "nc": nc,
+        "nd": nd,
+        "level": int(level),
+        "states": states,
+        "rows_c": rows_c,
+        "at_c": first[OF_C],
+        "at_d": first[OF_D],
+        "at_level": first[LEVEL],
+        "at_s": first[NOISE_STATE],
+        "largest_order": max(na, nc, nd, *nf, 0),
+        "plant_states": sum(nf),
+        "history": history,
+        "rows": length - FRONT - residual_start + history,
+        "residual_start": FRONT + residual_start,
+        "loss_start": FRONT + loss_start,
+    }
     return Record(
         y=_framed(output, length),
         u=np.concatenate([np.zeros(0), *(_framed(signal, length) for signal in inputs.T)]),
-        inputs=len(nb),
-        na=na,
-        nb=np.array(nb, dtype=np.intp),
-        nc=nc,
-        nd=nd,
-        nf=np.array(nf, dtype=np.intp),
-        nk=np.array(nk, dtype=np.intp),
-        level=int(level),
-        states=states,
-        rows_c=rows_c,
-        rows_f=np.array(rows_f, dtype=np.intp),
-        at_b=np.array(at[OF_B], dtype=np.intp),
-        at_c=first[OF_C],
-        at_d=first[OF_D],
-        at_f=np.array(at[OF_F], dtype=np.intp),
-        at_level=first[LEVEL],
-        at_g=np.array(at[PLANT_STATE], dtype=np.intp),
-        at_s=first[NOISE_STATE],
+        of_inputs=np.array(of_inputs, INPUT),
         entry=np.array(entry, dtype=np.intp),
         sign=np.array(sign),
+        layout=np.array(tuple(layout.values()), [(name, np.intp) for name in layout])[()],
         parts=np.array(kept, dtype=np.intp).reshape(-1, 4),
         monic=np.array(monic, dtype=np.intp).reshape(-1, 3),
-        largest_order=max(na, nc, nd, *nf, 0),
-        plant_states=sum(nf),
-        history=history,
-        rows=length - FRONT - residual_start + history,
-        residual_start=FRONT + residual_start,
-        loss_start=FRONT + loss_start,
         loss_stop=FRONT + len(output),
     )
 
@@ -194,15 +175,15 @@ def _framed(signal: Array, length: int) -> Array:
 
 def workspace_for(record: Record) -> Workspace:
     """Buffers for passes over a record."""
-    stretch = CHUNK + record.history
-    rows = len(record.entry)
+    layout, rows = record.layout, len(record.entry)
+    stretch = CHUNK + layout["history"]
     return Workspace(
         parameters=lanes_table(rows),
         gradient=lanes_table(rows),
-        x=lanes_table(record.inputs * record.rows if record.nf.any() else 1),
-        v=lanes_table(record.rows if record.nd else 1),
-        e=lanes_table(record.rows),
-        windows=(lanes_table(stretch), lanes_table(max(record.inputs, 1) * stretch)),
+        x=lanes_table(layout["inputs"] * layout["rows"] if record.of_inputs["nf"].any() else 1),
+        v=lanes_table(layout["rows"] if layout["nd"] else 1),
+        e=lanes_table(layout["rows"]),
+        windows=(lanes_table(stretch), lanes_table(max(layout["inputs"], 1) * stretch)),
         smoothing=lanes_table(1),
         total=lanes_table(1),
     )
@@ -229,14 +210,14 @@ def lag_sums_for(record: Record, linear: bool) -> LagSums:
     """Buffers for the products of lags, of all parts of a point or of B, level and states alone."""
     parts = _parts_of_sums(record, linear)
     rows = int(parts[:, 2].sum())
-    history = max(int(parts[:, 2].max(initial=0)), record.history) + BLOCK
+    history = max(int(parts[:, 2].max(initial=0)), record.layout["history"]) + BLOCK
     filtered = len(parts) * (history + CHUNK)
     return LagSums(
         parts=parts,
         source=lanes_table(CHUNK),
         by_c=lanes_table(filtered),
-        by_d=lanes_table(filtered if record.nd else 1),
-        by_f=lanes_table(filtered if record.nf.any() else 1),
+        by_d=lanes_table(filtered if record.layout["nd"] else 1),
+        by_f=lanes_table(filtered if record.of_inputs["nf"].any() else 1),
         heads=lanes_table(len(parts) * history),
         tails=lanes_table(len(parts) * history),
         sums=lanes_table(rows * rows),
@@ -253,8 +234,8 @@ def _parts_of_sums(record: Record, linear: bool) -> Indices:
     needed = {(kind, i): count for kind, i, count, _ in parts}
     for kind, i, count, _ in parts:
         if kind in (OF_A, OF_B) and count > 1:
-            response = (NOISE_RESPONSE, 0) if record.nd else (NOISE_STATE, 0)
-            if kind == OF_B and record.nf[i]:
+            response = (NOISE_RESPONSE, 0) if record.layout["nd"] else (NOISE_STATE, 0)
+            if kind == OF_B and record.of_inputs["nf"][i]:
                 response = (PLANT_STATE, i)
             responses[kind, i] = response
             needed[response] = max(needed.get(response, 0), count - 1)
@@ -268,16 +249,6 @@ def _parts_of_sums(record: Record, linear: bool) -> Indices:
         sums.append((kind, i, copies, first, count, row, place))
         first += copies
     return np.array(sums, dtype=np.intp).reshape(-1, 7)
-
-
-@allocating_njit
-def stretch_of(record, objective, stretches, k):
-    """A stretch as a record, with tables as long as those of the longest, and its objective."""
-    ends, weights = stretches.ends[k], stretches.weights[k]
-    signals = stretches.y[ends[0] : ends[1]], stretches.u[ends[2] : ends[3]]
-    of_losses = weights[0], weights[1], weights[2]
-    parts = objective[:1] + of_losses + objective[4:]
-    return Record(*(signals + record[2:-1] + (ends[4],))), Objective(*parts)
 
 
 @njit
@@ -310,7 +281,7 @@ def load_smoothing(smoothing, rows, workspace):
 @njit
 def state_weight(record, objective, size, k):
     """Weight of the square of an entry of a point of some size: 0 but of states."""
-    at_s = size - record.states
+    at_s = size - record.layout.states
     if k >= at_s:
         return objective.noise_state_weight
-    return objective.plant_state_weight if k >= at_s - record.plant_states else 0.0
+    return objective.plant_state_weight if k >= at_s - record.layout.plant_states else 0.0

@@ -114,44 +114,46 @@ def compute_residuals(record, workspace):
     """x_i, v and e of the loaded models, of the whole record.  Eight samples at a time keep the
     processor busy while a recursion waits for itself."""
     parameters, x, v, e = workspace.parameters, workspace.x, workspace.v, workspace.e
-    y, u, start, history = record.y, record.u, record.residual_start, record.history
+    y, u, layout = record.y, record.u, record.layout
+    start, history = layout.residual_start, layout.history
     if x.shape[0] > 1:
-        for i in range(record.inputs):
-            fill(x, i * record.rows, i * record.rows + history, 0.0)
-    if record.nd > 0:
+        for i in range(layout.inputs):
+            fill(x, i * layout.rows, i * layout.rows + history, 0.0)
+    if layout.nd > 0:
         fill(v, 0, history, 0.0)
     fill(e, 0, history, 0.0)
     zero = constant(0.0)
-    level = load(parameters, record.at_level) if record.level else zero
+    level = load(parameters, layout.at_level) if layout.level else zero
     for t in range(start, y.size, PAIR):
         since = t - start
         row = since + history
         s = (level, level, level, level, level, level, level, level)
-        for i in range(record.inputs):
-            at, nb, nf = record.at_b[i], record.nb[i], record.nf[i]
-            q = i * y.size + t - record.nk[i]
+        for i in range(layout.inputs):
+            of = record.of_inputs[i]
+            nf = of.nf
+            q = i * y.size + t - of.nk
             if nf == 0:
-                s = add_lags(parameters, at, nb, u, q, 1, s)
+                s = add_lags(parameters, of.at_b, of.nb, u, q, 1, s)
                 continue
             w = (zero, zero, zero, zero, zero, zero, zero, zero)
-            w = add_lags(parameters, at, nb, u, q, 1, w)
+            w = add_lags(parameters, of.at_b, of.nb, u, q, 1, w)
             if since < nf:
-                state = record.at_g[i]
+                state = of.at_g
                 w = _add_impulses(parameters, state + since, state + nf - 1, w)
-            row_at = i * record.rows + row
-            w = filter_eight(parameters, record.at_f[i], record.rows_f[i], w, x, row_at, 1)
+            row_at = i * layout.rows + row
+            w = filter_eight(parameters, of.at_f, of.rows_f, w, x, row_at, 1)
             s = sums_of_eight(s, w)
         s = sums_of_eight(s, load_eight(y, t, 1))
-        if record.na > 0:
-            s = add_lags(parameters, 0, record.na, y, t - 1, 1, s)
-        if record.nd > 0:
+        if layout.na > 0:
+            s = add_lags(parameters, 0, layout.na, y, t - 1, 1, s)
+        if layout.nd > 0:
             store_eight(v, row, 1, s)
-            s = add_lags(parameters, record.at_d, record.nd, v, row - 1, 1, s)
-        if since < record.states:
-            state = record.at_s
-            s = _add_impulses(parameters, state + since, state + record.states - 1, s)
-        if record.nc > 0:
-            filter_eight(parameters, record.at_c, record.rows_c, s, e, row, 1)
+            s = add_lags(parameters, layout.at_d, layout.nd, v, row - 1, 1, s)
+        if since < layout.states:
+            state = layout.at_s
+            s = _add_impulses(parameters, state + since, state + layout.states - 1, s)
+        if layout.nc > 0:
+            filter_eight(parameters, layout.at_c, layout.rows_c, s, e, row, 1)
         else:
             store_eight(e, row, 1, s)
 
