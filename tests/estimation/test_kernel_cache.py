@@ -82,6 +82,43 @@ def test_a_change_in_one_file_invalidates_what_other_files_compiled_and_a_touch_
     assert run(package)[0] == (30, 0, 1)
 
 
+@pytest.mark.parametrize(("is_there", "compiled_here"), [(True, 0), (False, 1)])
+def test_a_second_core_compiles_what_is_called_afterwards(package, is_there, compiled_here):
+    kernels = (
+        OUTER.replace("total", "later") + "\ndef compile_kernels():\n    later(1)\n" * is_there
+    )
+    (package / "beside.py").write_text(kernels)
+    first = OUTER.replace(
+        "cached_njit\ndef", "partial(cached_njit, meanwhile='package.beside')\ndef"
+    )
+    (package / "outer.py").write_text("from functools import partial\n" + first)
+    code = """
+import os
+os.cpu_count = lambda: 2
+from package.beside import later
+from package.outer import total
+print(total(1), len(total.stats.cache_misses), later(1), len(later.stats.cache_misses))
+"""
+    assert run(package, code)[0] == (20, 1, 20, compiled_here)
+    assert run(package, code)[0] == (20, 0, 20, 0)
+
+
+def test_what_a_second_core_compiles_is_all_that_a_first_estimate_calls_afterwards(package):
+    code = """
+from numpy.random import default_rng
+from evopem import SearchSettings, estimate
+from evopem.estimation.pem.kernels import gauss_newton, polynomials
+from evopem.models.recursions import driven_states
+gauss_newton.compile_kernels()
+kernels = gauss_newton.gauss_newton_matrices, polynomials.filter_rows, driven_states
+before = [len(kernel.signatures) for kernel in kernels]
+settings = SearchSettings(mu=4, lambda_=4, nu=4, evaluations=1)
+estimate(*default_rng(1).standard_normal((2, 300)), (2, 2, 2, 1), settings=settings)
+print(*before, *(len(kernel.signatures) for kernel in kernels))
+"""
+    assert run(package, code)[0] == (1, 1, 1, 1, 1, 1)
+
+
 def test_a_part_becomes_machine_code_only_with_what_calls_it(package):
     code = (
         RUN

@@ -145,3 +145,13 @@ def test_every_import_of_the_package_is_a_named_dependency():
     foreign = {name for name in imported - set(sys.stdlib_module_names) if name in distributions}
     unnamed = {name for name in foreign if distributions[name][0].lower() not in named}
     assert unnamed <= {"evopem"}, unnamed
+
+
+def test_the_half_that_make_installs_for_a_search_is_what_the_package_requires():
+    (pattern,) = re.findall(r"^SEARCH := (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    needed, left = set(), names(PROJECT["dependencies"])
+    while left:
+        needed.add(name := left.pop().replace("_", "-"))
+        plain = [each for each in metadata.requires(name) or [] if "extra ==" not in each]
+        left |= {each.replace("_", "-") for each in names(plain)} - needed
+    assert {name for name, *_ in PINS if re.fullmatch(pattern, name)} == needed

@@ -6,6 +6,7 @@ import gc
 import hashlib
 import logging
 import os
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -86,13 +87,16 @@ def allocating_njit(function: Callable[..., Any]) -> Any:
     return numba.njit(**_ALLOCATING_PART)(function)
 
 
-def cached_njit(function: Callable[..., Any], is_quick: bool = False) -> Any:
+def cached_njit(
+    function: Callable[..., Any], is_quick: bool = False, meanwhile: str | None = None
+) -> Any:
     """Compile a function that Python calls, on first use, and keep the result on disk.  What it
     calls must be defined in the same folder, or be compiled by numba itself.  Of a quick one that
-    not every first search needs nothing is said."""
+    not every first search needs nothing is said.  ``meanwhile``: a module whose
+    ``compile_kernels()`` a process on another core calls, for those that are called afterwards."""
     dispatcher: Any = numba.njit(**_OPTIONS)(function)
     dispatcher._cache = _FolderCache(function)
-    dispatcher._cache.is_quick = is_quick
+    dispatcher._cache.is_quick, dispatcher._cache.meanwhile = is_quick, meanwhile
     dispatcher._compiler.compile = _without_collections()(dispatcher._compiler.compile)
     return dispatcher
 
@@ -154,25 +158,49 @@ class _FolderCache(caching.FunctionCache):
 
     _impl_class = _FolderCacheImplementation
     is_quick: bool
+    meanwhile: str | None
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         # What is loaded needs the counts of references alone, not all that numba compiles by, which
         # the method of the base class imports: a third of a small estimate.
         rtsys.initialize(target_context)
+        loaded = self._loaded(sig, target_context)
+        if loaded is None and not self.is_quick:
+            _announce(os.getpid())
+            if self.meanwhile is not None and (os.cpu_count() or 1) > 1:
+                _ELSEWHERE.append(_compiling(self.meanwhile))
+            elif _ELSEWHERE:
+                _ELSEWHERE.pop().wait()
+                loaded = self._loaded(sig, target_context)
+        return loaded
+
+    def _loaded(self, sig: Any, target_context: Any) -> Any:
         try:
-            loaded = self._load_overload(sig, target_context)
+            return self._load_overload(sig, target_context)
         except (ImportError, AttributeError):
             # The index names what another version of the package had.
             self._cache_file.flush()
-            loaded = None
-        if loaded is None and not self.is_quick:
-            _announce(os.getpid())
-        return loaded
+            return None
+
+
+# The process that compiles for this one, until it is waited for.
+_ELSEWHERE: list[subprocess.Popen[bytes]] = []
+
+
+def _compiling(module: str) -> subprocess.Popen[bytes]:
+    """A process that compiles the kernels of a module.  Where it fails, they are compiled here."""
+    return subprocess.Popen(
+        [sys.executable, "-c", f"from {module} import compile_kernels; compile_kernels()"],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
 
 
 @cache
 def _announce(process: int) -> None:  # noqa: ARG001 - once a process
     """Say on standard error, and in the log of a job, why the first search takes longer."""
-    message = "compiling the numerical kernels (15 to 30 s, once after an installation)"
+    message = "compiling the numerical kernels (6 to 15 s, once after an installation)"
     sys.stderr.write(f"evopem: {message}\n")
     LOGGER.info(message)

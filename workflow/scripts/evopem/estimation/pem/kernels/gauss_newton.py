@@ -6,6 +6,7 @@ u_i differs by the sample that enters it from the past, times the response to an
 import numpy as np
 
 from evopem.compilation import allocating_njit, cached_njit, njit
+from evopem.estimation.pem.kernels import polynomials
 from evopem.estimation.pem.kernels.record import (
     CHUNK,
     LEVEL,
@@ -17,10 +18,14 @@ from evopem.estimation.pem.kernels.record import (
     OF_F,
     PAIR,
     PLANT_STATE,
+    Objective,
     fill,
+    lag_sums_for,
     load_points,
     load_smoothing,
+    record_of,
     state_weight,
+    workspace_for,
 )
 from evopem.estimation.pem.kernels.residuals import (
     add_lags,
@@ -41,6 +46,8 @@ from evopem.estimation.pem.kernels.simd import (
     square_root,
     store,
 )
+from evopem.models.orders import Orders
+from evopem.models.recursions import driven_states
 
 # Magnitude below which an impulse response has died out.
 DECAYED = 1e-40
@@ -355,3 +362,14 @@ def gauss_newton_matrices(record, objective, workspace, buffers, bandwidth, poin
             for i in range(n):
                 matrices[r, i, i] += 2.0 * state_weight(record, objective, n, i)
     return matrices
+
+
+def compile_kernels() -> None:
+    """Compile, and keep, what a first search needs beside its passes."""
+    orders = Orders(na=1, nb=(1,), nc=1, nd=0, nf=(0,), nk=(1,))
+    record = record_of(np.zeros(9), np.zeros((9, 1)), orders, False, 1, 1)
+    buffers = workspace_for(record), lag_sums_for(record, False)
+    objective = Objective(False, 1.0, 1.0, 1.0, 1.0, 1.0)
+    gauss_newton_matrices(record, objective, *buffers, 1.0, np.zeros((1, 4)), np.ones(1))
+    polynomials.filter_rows(np.zeros((1, 1)), np.ones(2), np.zeros((1, 1)))
+    driven_states(np.zeros((1, 1)), np.zeros((1, 1, 1)), np.zeros((1, 1, 1)), np.array([0, 1]))

@@ -2,6 +2,8 @@
 1/F_i: ``C* lam = l``, ``mu = D* lam``, ``F_i* xi_i = mu``, l the derivative of the loss by each
 residual.  The gradient correlates one of these with the signal that a parameter multiplies."""
 
+from functools import partial
+
 import numpy as np
 
 from evopem.compilation import allocating_njit, cached_njit, njit
@@ -253,7 +255,7 @@ def _unload_gradient(record, objective, table, lane, point, gradient):
         gradient[k] += 2.0 * state_weight(record, objective, point.size, k) * point[k]
 
 
-@cached_njit
+@partial(cached_njit, meanwhile="evopem.estimation.pem.kernels.gauss_newton")
 def passes(problem, task, state, smoothing, barriers, tolerance, limit, trials, few):
     """Trials of all descents, until so many are made or no more than ``few`` descents go on.  No
     trials are a pass over the points of the state, so that all is compiled and loaded once.

@@ -160,7 +160,7 @@ def record_of(
         of_inputs=np.array(of_inputs, INPUT),
         entry=np.array(entry, dtype=np.intp),
         sign=np.array(sign),
-        layout=np.array(tuple(layout.values()), [(name, np.intp) for name in layout])[()],
+        layout=np.array([tuple(layout.values())], [(name, np.intp) for name in layout])[0],
         parts=np.array(kept, dtype=np.intp).reshape(-1, 4),
         monic=np.array(monic, dtype=np.intp).reshape(-1, 3),
         loss_stop=FRONT + len(output),
