@@ -79,3 +79,13 @@ def test_a_part_without_a_long_stretch_has_no_model(record):
     parts = [[record], [record.between(0, 4)]]
     with pytest.raises(NoModelError, match="no stretch has the"):
         fits_of_parts(parts, model, "armax", "quadratic")
+
+
+def test_responses_of_parts_are_those_of_the_likeliest_priors(record):
+    """Which a descent next to the prior of the first part finds."""
+    orders = Orders("impulse", nb=20, nk=1)
+    parts, model = trainings(record), fit([record], orders, structure="impulse").model
+    found = fits_of_parts(parts, model, "impulse", "quadratic")
+    for one, alone in zip(found, one_by_one(parts, model, "impulse"), strict=True):
+        size = np.linalg.norm(alone.model.parameters)
+        assert np.linalg.norm(one.parameters - alone.model.parameters) < 0.02 * size

@@ -87,7 +87,7 @@ def test_taps_are_those_of_bayesian_linear_regression(name, monkeypatch):
     generator = np.random.default_rng(4)
     orders = Orders("impulse", nb=(7, 5), nk=(1, 0))
     hyper = np.array([HYPER[name], [h + 0.3 for h in HYPER[name]]])
-    monkeypatch.setattr(Evidence, "likeliest", lambda _: (KERNELS[name], hyper.ravel()))
+    monkeypatch.setattr(Evidence, "likeliest", lambda *_: (KERNELS[name], hyper.ravel()))
     segments = []
     for recording, samples in ((0, 40), (0, 25), (1, 30)):
         u = generator.standard_normal((samples, 2)) + 3.0

@@ -12,7 +12,7 @@ from evopem.config.settings import Objective, OutputWeighting, SearchSettings
 from evopem.config.structures import REGULARISED
 from evopem.errors import NoModelError
 from evopem.estimation import criteria
-from evopem.estimation.impulse_response import posterior
+from evopem.estimation.impulse_response import Posterior, posterior
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.descents_on_parts import descents_on_parts
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
@@ -92,7 +92,7 @@ def fit(
     """
     errors = PolynomialErrors(stretches, orders, objective, PLANT_RADIUS, NOISE_RADIUS, level)
     if structure in REGULARISED:
-        return _regularised(errors, structure)
+        return _regularised(errors, replace(orders, structure=structure))
     starts = PolynomialProblem(errors, models, own_starts).starts()
     if len(starts) == 0:
         raise NoModelError(f"no start of {orders} has finite prediction errors")
@@ -115,15 +115,17 @@ def fits_of_parts(
 ) -> list[Model]:
     """The optima of parts of a record that descents from the optimum of the whole end at.
 
-    All at once, with the noise variance of the whole; regularised responses, and those that cannot
-    be relied on, one after the other by :func:`fit`, whose errors it raises.
+    All at once, with the noise variance of the whole; those that cannot be relied on one after the
+    other by :func:`fit`, whose errors it raises.  Priors of responses are next to the first one.
     """
     orders = replace(model.orders, structure=structure)
-    ends: Sequence[Array | None] = [None] * len(parts)
-    if structure not in REGULARISED:
-        given = orders, objective, PLANT_RADIUS, NOISE_RADIUS, True
-        problems = [PolynomialErrors(part, *given) for part in parts]
-        ends = descents_on_parts(problems, model.parameters, *FOLD_STAGES)
+    given = orders, objective, PLANT_RADIUS, NOISE_RADIUS, True
+    problems = [PolynomialErrors(part, *given) for part in parts]
+    if structure in REGULARISED:
+        first = [posterior(errors) for errors in problems[:1]]
+        others = [posterior(errors, first[0].prior) for errors in problems[1:]]
+        return [_of_response(*pair, orders) for pair in zip(problems, first + others, strict=True)]
+    ends = descents_on_parts(problems, model.parameters, *FOLD_STAGES)
     return [
         fit(part, orders, objective, [model], False, structure, FOLD_STAGES).model
         if end is None
@@ -134,16 +136,17 @@ def fits_of_parts(
     ]
 
 
-def _regularised(errors: PolynomialErrors, structure: str) -> Fit:
-    response, count = posterior(errors), errors.orders.parameters
-    model = model_of(
-        replace(errors.orders, structure=structure),
-        response.point,
-        level=float(response.point[count]) if errors.level else 0.0,
-        noise_variance=response.noise_variance,
-    )
+def _regularised(errors: PolynomialErrors, orders: Orders) -> Fit:
+    response = posterior(errors)
     residuals = tuple(e[:, None] for e in errors.residuals_of_stretches(response.point))
-    return Fit(model, response.parameters, residuals, errors.orders.first_residual)
+    model = _of_response(errors, response, orders)
+    return Fit(model, response.parameters, residuals, orders.first_residual)
+
+
+def _of_response(errors: PolynomialErrors, response: Posterior, orders: Orders) -> PolynomialModel:
+    level = float(response.point[orders.parameters]) if errors.level else 0.0
+    noise = response.noise_variance
+    return model_of(orders, response.point, level=level, noise_variance=noise)
 
 
 class ArxFit(NamedTuple):

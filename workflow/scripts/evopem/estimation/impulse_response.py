@@ -141,8 +141,10 @@ class Evidence:
     def _rows(self, hyper: Array) -> Array:
         return np.reshape(hyper, (len(self.blocks), -1))
 
-    def likeliest(self) -> tuple[Kernel, Array]:
+    def likeliest(self, near: tuple[Kernel, Array] | None = None) -> tuple[Kernel, Array]:
         """The kernel and the hyper-parameters of the largest likelihood of descents."""
+        if near is not None:
+            return near[0], self.descended(near[0], [self._rows(near[1])])[1]
         optima, known = [], np.empty(0)
         for name, kernel in KERNELS.items():
             starts = list(self.starts())
@@ -211,13 +213,14 @@ class Posterior:
     """What samples tell of the coefficients and levels of a regularised response.
 
     ``point`` as of :class:`.PolynomialErrors`, the mean; ``factor`` (n, r) of the covariance of the
-    coefficients for white noise; ``effective`` number of coefficients that the samples determine.
+    coefficients for white noise; ``effective`` number that the samples determine; its ``prior``.
     """
 
     point: Array
     factor: Array
     noise_variance: float
     effective: float
+    prior: tuple[Kernel, Array]
 
     @property
     def parameters(self) -> int:
@@ -244,8 +247,8 @@ class Posterior:
         return ParameterCovariance(self.factor @ _root(both), nothing)
 
 
-def posterior(errors: PolynomialErrors) -> Posterior:
-    """The response of largest marginal likelihood to the samples of a problem of B and levels."""
+def posterior(errors: PolynomialErrors, near: tuple[Kernel, Array] | None = None) -> Posterior:
+    """The response of largest marginal likelihood, or so next to a prior, of B and levels."""
     count, levels = errors.orders.parameters, errors.levels
     triangle = _triangle(errors)
     # Levels have no prior: the rows below theirs are those of the likelihood without them.
@@ -256,14 +259,15 @@ def posterior(errors: PolynomialErrors) -> Posterior:
         units.append(float(np.linalg.norm(x)) / np.sqrt(x.shape[1]) or 1.0)
         blocks.append(x / units[-1])
     evidence = Evidence(tuple(blocks), below[:, -1] / size, errors.scored_samples - levels)
-    b, factor, variance, effective = evidence.fitted(*evidence.likeliest())
+    prior = evidence.likeliest(near)
+    b, factor, variance, effective = evidence.fitted(*prior)
     unit = size / np.repeat(units, errors.orders.nb)
     point, variance = np.concatenate([unit * b, np.zeros(levels)]), size**2 * variance
     if levels:
         known = triangle[:levels, levels:-1] @ point[:count]
         point[count:] = np.linalg.solve(triangle[:levels, :levels], triangle[:levels, -1] - known)
     factor = np.sqrt(variance) / np.repeat(units, errors.orders.nb)[:, None] * factor
-    return Posterior(point, factor, variance, effective)
+    return Posterior(point, factor, variance, effective, prior)
 
 
 def _triangle(errors: PolynomialErrors) -> Array:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, Self
 
 import numpy as np
@@ -107,7 +108,7 @@ class StateSpaceModel:
         """All entries of ``[A, B, C, D, K, level]``, row by row."""
         return np.concatenate([part.ravel() for part in self._parts])
 
-    @property
+    @cached_property
     def predictor(self) -> Array:
         """``A - K C``, the dynamics of the one-step predictor, (n, n)."""
         return self.A - self.K @ self.C
@@ -376,10 +377,9 @@ class StateSpaceModel:
     def free_responses(self, dynamics: Array, samples: int, fit_level: bool = False) -> Array:
         """Outputs after an initial state of one at each state, and levels of one, (N, ny, ...)."""
         nothing = np.zeros((samples, self.order))
-        of_states = [states_of(dynamics.T, nothing, row) for row in self.C]
-        levels = np.eye(self.outputs)[:, : self.outputs * fit_level]
-        of_levels = np.broadcast_to(levels, (samples, *levels.shape))
-        return np.concatenate([np.stack(of_states, axis=1), of_levels], axis=2)
+        parts = [np.stack([states_of(dynamics.T, nothing, row) for row in self.C], axis=1)]
+        parts += [np.tile(np.eye(self.outputs), (samples, 1, 1))] * fit_level
+        return np.concatenate(parts, axis=2)
 
     def resolvent(self, z: Complex, right: Array) -> Complex:
         """``C (zI - A)^-1 right``, (..., ny, columns); NaN at a pole."""

@@ -95,12 +95,9 @@ class PolynomialErrors:
             level = parts["level"].start + self.recordings.index(stretch.recording)
             plant = parts["plant"].start + number * nf
             noise = parts["noise"].start + number * states
-            yield np.r_[
-                np.arange(o.parameters),
-                [level] if self.levels else [],
-                np.arange(plant, plant + nf),
-                np.arange(noise, noise + states),
-            ].astype(np.intp)
+            of_states = [*range(plant, plant + nf), *range(noise, noise + states)]
+            entries = [*range(o.parameters), *[level][: self.levels], *of_states]
+            yield np.array(entries, dtype=np.intp)
 
     @property
     def level(self) -> bool:

@@ -53,7 +53,11 @@ def descents_on_parts(
     for _ in range(LINEAR_STEPS[parts[0].objective]):
         smoothing = sizes()[1]
         slopes = passes.passed(GRADIENTS, points, smoothing, none)[1][:, linear]
-        matrices = stacked(points, every, smoothing, none)[:, linear][:, :, linear]
+        matrices = np.zeros((len(parts), *np.full(2, np.sum(linear))))
+        for matrix, part, point, size_of in zip(matrices, parts, points, smoothing, strict=True):
+            entries, n = linear[: part.dimension], np.sum(linear[: part.dimension])
+            given = point[None, : part.dimension], size_of[None], entries
+            matrix[:n, :n] = part.curvatures_of(*given)[0]
         inverses = damped_inverses(matrices)
         lost = nearly_dependent(matrices, inverses)
         points[:, linear] -= np.einsum("ijk,ik->ij", inverses, slopes)
