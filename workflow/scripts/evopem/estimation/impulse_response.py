@@ -21,7 +21,6 @@ from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.polynomial import model_of
 from evopem.signals.least_squares import triangle_of
 
 Kernel = Callable[[Array, int], tuple[Array, list[Array]]]
@@ -290,35 +289,17 @@ def estimate_response(errors: PolynomialErrors, sampling_rate: float) -> Polynom
 
     NoModelError when there are fewer samples than levels and one more.
     """
-    response, orders, window = posterior(errors), errors.orders, errors.window
-    point, count = response.point, errors.orders.parameters
-    residuals = [stretch.residuals(at) for stretch, at in errors.of_stretches(point)]
-    counted = np.concatenate([e[window.loss_start :] for e in residuals])
-    for e in residuals:
-        e[: window.residual_start] = np.nan
-    outputs = errors.scored_outputs()
+    response = posterior(errors)
+    point, counted, outputs = (
+        response.point,
+        errors.residuals(response.point),
+        errors.scored_outputs(),
+    )
     criteria = criteria_of(counted, outputs, errors.objective, response.parameters)
-    levels = tuple(point[count:].tolist())
-    model = model_of(
-        orders,
-        point,
-        sampling_rate=sampling_rate,
-        level=levels[0] if levels else 0.0,
-        noise_variance=response.noise_variance,
-        covariance=response.covariance(errors),
-    )
-    return PolynomialEstimate(
-        model=model,
-        criteria=criteria,
-        residuals=np.concatenate(residuals),
-        plant_state=np.empty(0),
-        noise_state=np.empty(0),
-        window=window,
-        at_stability_bound=False,
-        search=SearchResult(point, criteria.objective, SearchDiagnostics.none()),
-        focus_objective=criteria.objective,
-        levels=levels,
-    )
+    search = SearchResult(point, criteria.objective, SearchDiagnostics.none())
+    variance, covariance = response.noise_variance, response.covariance(errors)
+    about = criteria, search, sampling_rate, variance, covariance
+    return PolynomialEstimate.at(errors, point, *about)
 
 
 def delay_evidence(past: Array, lagged: Array, target: Array, samples: int, delays: range) -> Array:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
@@ -95,6 +96,36 @@ class PolynomialEstimate:
     constraints: ConstraintEffect | None = None
     levels: tuple[float, ...] = ()
 
+    @classmethod
+    def at(
+        cls,
+        errors: PolynomialErrors,
+        point: Array,
+        criteria: Criteria,
+        search: SearchResult,
+        sampling_rate: float,
+        noise_variance: float,
+        covariance: ParameterCovariance | None,
+    ) -> Self:
+        """The estimate at a point of one-step errors."""
+        parts = errors.parts()
+        levels = tuple(point[parts["level"]].tolist())
+        model = model_of(
+            errors.orders,
+            point,
+            sampling_rate=sampling_rate,
+            level=levels[0] if levels else 0.0,
+            noise_variance=noise_variance,
+            covariance=covariance,
+        )
+        return cls(
+            *(model, criteria, errors.all_residuals(point)),
+            *(point[parts["plant"]].copy(), point[parts["noise"]].copy(), errors.window),
+            *(roots_at_bound(errors, model), search),
+            focus_objective=criteria.objective,
+            levels=levels,
+        )
+
     @property
     def objective(self) -> float:
         """Of one-step errors, percent."""
@@ -126,53 +157,31 @@ def describe(
 ) -> PolynomialEstimate:
     """The model at a search's best point, with its criteria, residuals and covariance.
     ``shortest``: whether B is the shortest of those with equal residuals."""
-    point, parts = result.point, errors.parts()
-    triangle = triangle_of(errors.jacobian_blocks(point))
+    point, triangle = result.point, triangle_of(errors.jacobian_blocks(result.point))
     if shortest:
         shortest_point = minimum_norm_point(errors, point, triangle)
         before, after = (searched_objective(errors, c) for c in (point, shortest_point))
         if after <= before * (1.0 + SAME_OPTIMUM) and not np.array_equal(shortest_point, point):
             point, triangle = shortest_point, triangle_of(errors.jacobian_blocks(shortest_point))
-    window, outputs = errors.window, errors.scored_outputs()
-    residuals = [stretch.residuals(at) for stretch, at in errors.of_stretches(point)]
-    counted = np.concatenate([residual[window.loss_start :] for residual in residuals])
-    for residual in residuals:
-        residual[: window.residual_start] = np.nan
-    levels = tuple(point[parts["level"]].tolist())
-    counts = errors.residual_counts()
+    outputs, counts = errors.scored_outputs(), errors.residual_counts()
+    counted = errors.residuals(point)
     criteria = criteria_of(counted, outputs, errors.objective, errors.parameters)
     reached = searched_objective(errors, point) if shortest else result.value
     if not reached <= result.value * (1.0 + LOST) + ROUNDING:
         compared = f"its objective is {reached:.9g} %, and that of its search was"
         raise lost_model(str(errors.orders), f"{compared} {result.value:.9g} %")
     covariance = covariance_of(errors, point, counted, outputs, counts, triangle)
-    model = model_of(
-        errors.orders,
-        point,
-        sampling_rate=sampling_rate,
-        level=levels[0] if levels else 0.0,
-        noise_variance=innovation_variance(counted, errors.dimension),
-        covariance=covariance,
-    )
-    stretch, scored = errors.stretches[0], residuals[0][window.loss_start :, None]
-    inputs = stretch.inputs[:, : errors.orders.inputs]
+    variance = innovation_variance(counted, errors.dimension)
+    about = criteria, result, sampling_rate, variance, covariance
+    estimate = PolynomialEstimate.at(errors, point, *about)
+    stretch, model = errors.stretches[0], estimate.model
+    inputs, scored = stretch.inputs[:, : errors.orders.inputs], counted[: counts[0], None]
     check_returned(model.state_space(), inputs, stretch.outputs, scored, str(errors.orders))
     if covariance is not None and _plant_at_bound(errors, model):
         step = _step_beyond(errors, point, counted, triangle)[: errors.orders.parameters]
         factor = np.column_stack([covariance.factor, step])
         model = replace(model, covariance=replace(covariance, factor=factor))
-    return PolynomialEstimate(
-        model=model,
-        criteria=criteria,
-        residuals=np.concatenate(residuals),
-        plant_state=point[parts["plant"]].copy(),
-        noise_state=point[parts["noise"]].copy(),
-        window=window,
-        at_stability_bound=roots_at_bound(errors, model),
-        search=result,
-        focus_objective=criteria.objective,
-        levels=levels,
-    )
+    return replace(estimate, model=model)
 
 
 def searched_objective(errors: PolynomialErrors, point: Array) -> float:

@@ -283,6 +283,13 @@ class PolynomialErrors:
         first = self.window.loss_start
         return [errors.residuals(at)[first:] for errors, at in self.of_stretches(point)]
 
+    def all_residuals(self, point: Array) -> Array:
+        """Residuals of one point at all samples of all stretches, NaN before the first ones."""
+        parts = [errors.residuals(at) for errors, at in self.of_stretches(point)]
+        for part in parts:
+            part[: self.window.residual_start] = np.nan
+        return np.concatenate(parts)
+
     def scored_outputs(self) -> Array:
         """The outputs of the residuals that count, of all stretches one after the other."""
         return np.concatenate(
