@@ -161,9 +161,10 @@ def race(
     finished = [_finished(candidate, settings) for candidate in settled]
     while True:
         settled = settle(settled)
+        unknown = [candidate.diagnostics.undiscovered_probability for candidate in settled]
         gains = [
-            0.0 if done else _likely_gain(candidate, samples)
-            for candidate, done in zip(settled, finished, strict=True)
+            0.0 if done else gain_after_first_pass(share) * c.orders.parameters / samples
+            for c, done, share in zip(settled, finished, unknown, strict=True)
         ]
         excesses = _excesses(settled, phase, gains)
         contending = [
@@ -185,11 +186,6 @@ def race(
 def _finished(candidate: Candidate, settings: SearchSettings) -> bool:
     diagnostics = candidate.diagnostics
     return has_agreed(diagnostics) or diagnostics.evaluations >= settings.evaluations
-
-
-def _likely_gain(candidate: Candidate, samples: int) -> float:
-    gain = gain_after_first_pass(candidate.diagnostics.undiscovered_probability)
-    return gain * candidate.orders.parameters / samples
 
 
 def _target(candidate: Candidate, excess: float, samples: int, settings: SearchSettings) -> Target:

@@ -80,17 +80,13 @@ class Section:
 
 
 def _summary(results: DatasetResults) -> Context:
+    moved = [moving_sentence(results.varying.moves)] if results.varying else []
     return {
         "verdict": verdict(results),
-        "parts_of_error": [*_moved(results), *error_parts(results.validation)],
+        "parts_of_error": [*filter(None, moved), *error_parts(results.validation)],
         "evidence": mode_lines(results),
         "checks": results.checks,
     }
-
-
-def _moved(results: DatasetResults) -> list[str]:
-    moved = moving_sentence(results.varying.moves) if results.varying else ""
-    return [moved] if moved else []
 
 
 def _moving(results: DatasetResults) -> Context:

@@ -114,7 +114,10 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add, rate = parser.add_argument, parser.add_mutually_exclusive_group()
-    channel: Keys = {"type": _channel, "metavar": "CHANNEL"}
+    channel: Keys = {
+        "type": lambda text: int(text) if text.isascii() and text.isdigit() else text,
+        "metavar": "CHANNEL",
+    }
     add("--version", action="version", version=f"evopem {__version__}")
     add("file", metavar="FILE", nargs="+", help="the recording, or several of one system")
     several = "For a list, repeat the option"
@@ -155,10 +158,6 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
         none = ", or write --input none where only outputs were recorded"
         parser.error(f"--{missing[0]} is missing: name it{none if missing[0] == 'input' else ''}")
     return arguments
-
-
-def _channel(text: str) -> int | str:
-    return int(text) if text.isascii() and text.isdigit() else text
 
 
 def _init(given: Sequence[str]) -> int:

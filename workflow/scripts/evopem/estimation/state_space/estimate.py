@@ -95,7 +95,10 @@ def estimate_state_space(
     """
     options = {"level": level, "weighting": weighting, "settings": settings or QUADRATIC}
     task = StateSpaceTask.of(recording, structure, delays, forgets=forgets, **options)
-    horizon = _horizon(focus, structure, constraints)
+    horizon = samples_ahead(focus)  # None for simulation
+    check_model(structure, False, focus, constraints)
+    if structure in ("ss_oe", "ss_oe_drift"):
+        horizon = 1
     if structure == "ss_bj":
         free = _beside(recording, order, task, horizon, starts, log)
     else:
@@ -145,15 +148,6 @@ def _beside(
             optima.append(descend_from(start, recording, task))
     optima.append(estimate_beside(plant.model, recording, task))
     return replace(min(optima, key=lambda estimate: estimate.bic), order=order)
-
-
-def _horizon(
-    focus: str | int, structure: StateSpaceStructure, constraints: Constraints | None
-) -> int | None:
-    """Samples ahead; None for simulation where that differs from prediction."""
-    ahead = samples_ahead(focus)
-    check_model(structure, False, focus, constraints)
-    return 1 if structure in ("ss_oe", "ss_oe_drift") else ahead
 
 
 def estimates_of_orders(

@@ -87,7 +87,7 @@ def contents_of(
             values = values[:, column] if values.shape[0] >= values.shape[1] else values[column]
         return Channel(names[index], values, units.get(name, ""), *_rate_of(name, rates))
 
-    names = [_name(*place) for place in places]
+    names = [n if column is None else f"{n}:{column + 1}".lstrip(":") for n, column in places]
     listed = [(name, f"/{name}") if kind == "dataset" else (name,) for name in names]
     refusals = {
         name: _no_signal(path, f'{kind} "{name}"', name, array, columns[name])
@@ -95,10 +95,6 @@ def contents_of(
         if columns[name] != [None]
     }
     return Contents(path, kind, listed, load, refusals)
-
-
-def _name(array: str, column: int | None) -> str:
-    return array if column is None else f"{array}:{column + 1}".lstrip(":")
 
 
 def _columns_of(shape: tuple[int, ...], dtype: np.dtype) -> list[int | None]:
