@@ -74,8 +74,6 @@ def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[i
     As many as possible, none further apart than :data:`SAME_MODE`, with the least sum of squared
     distances in the logarithm of frequency.
     """
-    if not estimates or not references:
-        return {}
     first, second = ([math.log(m.frequency_hz) for m in modes] for modes in (estimates, references))
     distance = np.abs(np.subtract.outer(first, second))
     near = distance <= math.log(1 + SAME_MODE)

@@ -281,9 +281,7 @@ def _judged(
     inside = len(by_order) == 1 or chosen < ending[-1]
     shared = len(group) > 1 and group.keys() >= {m.order for m in compared}
     judged = ModeEvidence(
-        mode=mode,
-        order=order_model.order,
-        orders=tuple(sorted(group)),
+        *(mode, order_model.order, tuple(sorted(group))),
         recurrence=float(np.mean([m.order in group for m in compared])) if compared else math.nan,
         compared=len(compared),
         confirmed=inside or group.keys() >= set(ending) or (shared and of_input.p_value < CERTAIN),
