@@ -269,6 +269,8 @@ def test_regularised_responses_begin_early_too_where_the_delay_is_long():
         scorer = Scorer(segments, plan, CommonSettings(), limits, (delay,))
         found = search_structure(scorer, "impulse", {}).candidates
         assert {candidate.orders.single.nk for candidate in found} == begins
+        # One that begins early and ends before the delay holds nothing of the system.
+        assert min(o.nk[0] + o.nb[0] for o in (each.orders for each in found)) > delay
 
 
 def test_other_likely_delays_are_tried_with_the_orders_of_a_candidate(monkeypatch):

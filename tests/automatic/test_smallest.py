@@ -410,6 +410,7 @@ def compared(monkeypatch, *models):
     scorer.likely = ()
     scorer.settings, scorer.with_own_scores = CommonSettings(), with_own_scores
     monkeypatch.setattr(structures, "refine_orders", lambda *_: [])
+    monkeypatch.setattr(structures, "_with_noise", lambda *_: [])
     monkeypatch.setattr(structures, "gain_of_nothing", lambda *_: None)
     decision = structures.Decision("orders", "", (), "", "")
     searches = [StructureSearch(each.structure, (each,), decision) for each in models]
@@ -437,6 +438,21 @@ def test_a_noise_model_that_makes_held_out_errors_half_as_large_again_is_refuted
     assert [[(a.name, a.score) for a in d.alternatives] for d in said] == (
         [[(found.name, pytest.approx(prediction))]] if is_left else []
     )
+
+
+def test_the_best_plant_without_a_noise_model_is_tried_with_some():
+    u, e = np.random.default_rng(3).standard_normal((2, 1000))
+    y = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.8], u) + lfilter([2.0], [1.0, -0.9], e)
+    segments = (Segment(u, y),)
+    scorer = Scorer(segments, decide_folds(segments), CommonSettings(), delays=(1,))
+    plants = [scorer.candidate("oe", Orders(nb=(n,), nf=(n,), nk=(1,))) for n in (1, 2)]
+    tried = structures._with_noise(scorer, plants)
+    assert [each.orders.nc for each in tried] == [1, 2, 3, 4]
+    assert {(each.structure, each.orders.nb, each.orders.nf) for each in tried} == {
+        ("bj", (2,), (2,))
+    }
+    assert all(each.bic < plants[1].bic - 0.5 for each in tried)
+    assert structures._with_noise(scorer, []) == []
 
 
 def test_a_structure_whose_search_fails_leaves_those_of_its_job(monkeypatch):

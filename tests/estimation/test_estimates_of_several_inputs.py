@@ -134,7 +134,7 @@ def found_in(data, structure, settings=SHORT):
 def independent_optimum(segments, truth):
     """Residuals by Levenberg-Marquardt of MINPACK, by finite differences and from the truth."""
     problem = errors_of(segments, truth.orders)
-    start = problem.completed_by_states(truth)
+    start = problem.completed_by_states(truth.parameters)
     peer = least_squares(problem.residuals, start, method="lm", xtol=1e-13, ftol=1e-13)
     return problem, peer
 

@@ -16,7 +16,7 @@ from evopem.estimation.polynomial_estimate import describe, searched_objective
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.staged_descent import staged_descent
 from evopem.estimation.state_space.point_model import ScaledModel
-from evopem.models.orders import orders_of
+from evopem.models.orders import Orders, orders_of
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording, Segment
 
@@ -37,6 +37,30 @@ RETURNED = {
     "ss_oe_drift": 2,
     "ss_bj": 2,
 }
+
+
+def test_descents_to_larger_orders_begin_at_the_known_model():
+    """Least squares do not give the B of slow modes again, whose columns hardly differ."""
+    frequencies, damping = np.array([0.02, 0.05, 0.12, 0.3]), np.array([0.05, 0.03, 0.02, 0.01])
+    poles = np.exp(frequencies * (1j * np.sqrt(1.0 - damping**2) - damping))
+    paths = [np.delete(poles, k) for k in range(4)]
+    b = sum(
+        sign * frequency * np.append(np.real(np.poly([*path, *path.conj()])), 0.0)
+        for sign, frequency, path in zip((1, -1, 1, -1), frequencies, paths, strict=True)
+    )
+    f, d = np.real(np.poly([*poles, *poles.conj()])), np.array([1.0, -0.7])
+    u, e = np.random.default_rng(0).standard_normal((2, 3000))
+    response = lfilter(np.append(0.0, b), f, u)
+    y = response + 0.1 * response.std() * lfilter([1.0], d, e)
+    known = PolynomialModel(ONE, b, ONE, d, f, 1)
+    larger = Orders(nb=9, nd=2, nf=8, nk=0)
+    errors = PolynomialErrors((Segment(u, y),), larger, "quadratic", 1.0 - 1e-7, 0.9999, True)
+    problem = PolynomialProblem(errors, [known], own_starts=False)
+    grown = np.concatenate([[0.0], b, d[1:], [0.0], f[1:]])
+    np.testing.assert_array_equal(problem.adapted(known)[0, : len(grown)], grown)
+    (of_known,) = problem.values(errors.completed_by_states(grown)[None])
+    assert problem.values(problem.starts()[:1])[0] <= of_known
+    assert problem.values(problem.completed(problem.adapted(known))[0]).min() > 2.0 * of_known
 
 
 @pytest.mark.parametrize("mean", [0.0, 3e3, 1e5])
@@ -63,7 +87,7 @@ def test_states_that_hardly_decay_are_fitted_without_harm():
     errors = PolynomialErrors([Segment(u, y)], model.orders, "quadratic", 1.0, 1.0)
     at_rest = np.zeros(errors.dimension)
     at_rest[: model.orders.parameters] = model.parameters
-    point = errors.completed_by_states(model)
+    point = errors.completed_by_states(model.parameters)
     fitted, rest = errors.values(np.array([point, at_rest]))
     assert fitted <= rest
 
@@ -78,7 +102,7 @@ def test_states_of_finely_sampled_poles_leave_the_noise_alone():
     y = lfilter([0.0, *f[::-1]], f, u) + 0.01 * generator.standard_normal(2400)
     stretch = [Segment(u[1400:, None], y[1400:, None])]
     errors = PolynomialErrors(stretch, model.orders, "quadratic", 1.0, 1.0, level=True)
-    residuals = errors.residuals(errors.completed_by_states(model))
+    residuals = errors.residuals(errors.completed_by_states(model.parameters))
     assert np.std(residuals) == pytest.approx(0.01, rel=0.05)
     # A descent begins there as well: products of columns do not tell B.
     start = PolynomialProblem(errors, [model], own_starts=False).starts()[0]

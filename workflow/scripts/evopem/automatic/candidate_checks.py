@@ -102,7 +102,7 @@ def _of_polynomials(
         point = response.point
         covariance: ParameterCovariance | None = response.covariance(errors)
     else:
-        point = errors.completed_by_states(model)
+        point = errors.completed_by_states(model.parameters)
         e, counts = errors.residuals(point), errors.residual_counts()
         covariance = covariance_of(errors, point, e, errors.scored_outputs(), counts)
     tested = _Residuals.of(

@@ -278,7 +278,7 @@ def described_by_search(
         *(data.segments, model.orders, search.objective, radius, min(radius, NOISE_RADIUS), True),
         window=window_of(model.orders),
     )
-    point = errors.completed_by_states(model)
+    point = errors.completed_by_states(model.parameters)
     at_states = replace(result, point=point, value=searched_objective(errors, point))
     estimate = describe(errors, at_states, data.sampling_rate, shortest=True)
     return replace(estimate, model=of_signals(estimate.model, data))

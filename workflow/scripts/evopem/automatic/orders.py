@@ -225,7 +225,9 @@ def _paths(scorer: Scorer, structure: str) -> Iterator[list[list[Orders]]]:
     forms = PATHS.get(structure, {structure: PATH}).items()
     for delays, (form, known) in product(dict.fromkeys((scorer.delays, early)), forms):
         sizes = sorted({*known, late or known[0]})
-        path = [orders_of_size(form, n, delays) for n in sizes]
+        # A response that begins early and ends before the delay would hold nothing of the system.
+        silent = max(0, *map(int.__sub__, scorer.delays, delays)) * (structure in REGULARISED)
+        path = [orders_of_size(form, n, delays) for n in sizes if n > silent]
         smallest = path[0][0]
         if any(smallest.nf) or not any(scorer.limits.clamped(structure, smallest).nf):
             yield path

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Literal
 
 import numpy as np
@@ -34,6 +35,7 @@ from evopem.automatic.fold_errors import (
 )
 from evopem.automatic.orders import refine_orders
 from evopem.automatic.preparation.disturbance import follow_input
+from evopem.automatic.revision_orders import with_noise_models
 from evopem.config.settings import Purpose
 from evopem.errors import NoModelError
 from evopem.models.orders import changed
@@ -44,7 +46,7 @@ Level = Literal["constant", "state"]
 # Largest held-out simulation errors, against the lowest ones, of a model that is taken for its
 # likelihood: where its residuals are valid, and where all its checks hold or chance allows it.
 MOST_WHEN_VALID, MOST_WHEN_ALL_HOLD = 1.25, 3.0
-FINALISTS = 2
+FINALISTS, NOISES = 2, 4  # structures, and noise models, from the smallest, of the best plant
 # About so many likely delays of an input are tried with the orders of a finalist.  A difference of
 # BIC, not divided by the samples, is evidence for another one (Kass & Raftery 1995).
 MOST_DELAYS, POSITIVE = 12, 2.0
@@ -133,6 +135,7 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     if scorer.has_input:
         level, about_level = _level_of(candidates)
         score = score_of(_kind_of(level))
+        candidates.extend(_with_noise(scorer, candidates))
         for criterion in (score, BIC):
             for finalist in _finalists(candidates, criterion):
                 start = _at_likely_delay(scorer, finalist)
@@ -178,12 +181,9 @@ def _level_of(candidates: Sequence[Candidate]) -> tuple[Level, Decision]:
     constant = min(candidate.scores.simulation for candidate in candidates)
     fitted = min(candidate.scores.fitted_level for candidate in candidates)
     level: Level = "state" if fitted < (1.0 - CLEAR_GAIN) * constant else "constant"
-    sentence = (
-        "The level drifts: held-out samples are simulated better when their level is fitted to "
-        "them."
-        if level == "state"
-        else "The level of the estimation samples holds for held-out samples as well."
-    )
+    drifts = "The level drifts: held-out samples are simulated better with a level fitted to them."
+    holds = "The level of the estimation samples holds for held-out samples as well."
+    sentence = drifts if level == "state" else holds
     alternatives = (Alternative("constant", constant), Alternative("state", fitted))
     criterion = "lowest simulation error on held-out samples, %"
     return level, Decision("level", level, alternatives, criterion, sentence)
@@ -208,6 +208,19 @@ def _with_valid_noise(candidates: list[Candidate]) -> tuple[list[Candidate], lis
     criterion = "one-step error over simulation error on held-out samples"
     count = f"{len(refuted)} of {len(candidates)}"
     return kept, [Decision("refuted noise models", count, refuted, criterion, sentence)]
+
+
+def _with_noise(scorer: Scorer, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The best output-error model with noise models, whose orders no path from small ones comes to:
+    without feedback its plant is consistent whatever the noise is (Ljung 1999, section 8.4)."""
+    plants = [candidate for candidate in candidates if candidate.structure == "oe"]
+    begun = with_noise_models(scorer, min(plants, key=SIMULATION_BIC)) if plants else iter(())
+    fits = (
+        scorer.candidate("bj", noisy.orders, [noisy.polynomials], False, False, True)
+        for _, noisy in islice(begun, NOISES)
+        if noisy.polynomials is not None
+    )
+    return list(filter(None, fits))
 
 
 def _finalists(candidates: Sequence[Candidate], score: Score) -> list[Candidate]:
@@ -246,10 +259,8 @@ def _for_simulation(
     if not is_fed_back and _misses_response(scorer, likeliest):
         choice = regularised_unless_worse(kept, kind, *choice)
     chosen, sentence = gain_of_nothing(scorer, candidates, kind, choice[0]) or choice
-    criterion = "simulation error on held-out samples, %"
-    return chosen, _named(
-        "structure for simulation", chosen, candidates, score, criterion, sentence
-    )
+    about = "structure for simulation", "simulation error on held-out samples, %"
+    return chosen, _named(about[0], chosen, candidates, score, about[1], sentence)
 
 
 def _that_simulate(scorer: Scorer, candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -323,13 +334,11 @@ def _without_evidence(
 def _smallest(scorer: Scorer, candidates: Sequence[Candidate], criterion: Score) -> Candidate:
     """The fewest failed checks, then parameters, of those without strong evidence against them. Of
     as many parameters polynomials, whose orders may be refined one by one."""
-    return min(
-        _without_evidence(scorer, candidates, criterion),
-        key=lambda c: (
-            *(len(scorer.checks(c).failed), c.parameters, c.polynomials is None),
-            criterion(c),
-        ),
-    )
+
+    def rank(c: Candidate) -> tuple[float, ...]:
+        return len(scorer.checks(c).failed), c.parameters, c.polynomials is None, criterion(c)
+
+    return min(_without_evidence(scorer, candidates, criterion), key=rank)
 
 
 def _smallest_as_good(

@@ -18,7 +18,6 @@ from evopem.estimation.pem.kernels.polynomials import stability_barriers
 from evopem.estimation.pem.kernels.record import Objective
 from evopem.estimation.pem.stretch_errors import PLANT_WEIGHT, STATE_WEIGHT, Passes, StretchErrors
 from evopem.models.orders import Orders
-from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_roots import reflect_into_disc
 from evopem.signals.least_squares import triangle_of
 from evopem.signals.recording import Segment
@@ -310,12 +309,12 @@ class PolynomialErrors:
                 before = max(before - len(stretch_block), 0)
                 yield block
 
-    def completed_by_states(self, model: PolynomialModel) -> Array:
-        """The point of a model, with the levels and states of least squared residuals, beside their
-        weak squares.  Never worse than states at rest: columns of states that hardly decay depend
-        on each other.  A second step takes back the rounding of the first (Björck 1967)."""
+    def completed_by_states(self, known: Array) -> Array:
+        """A point of known coefficients, with levels and states of least squared residuals, beside
+        their weak squares.  Never worse than states at rest: columns of states that hardly decay
+        are dependent.  A second step takes back the rounding of the first (Björck 1967)."""
         point, linear = np.zeros(self.dimension), slice(self.orders.parameters, None)
-        point[: self.orders.parameters] = model.parameters
+        point[: self.orders.parameters] = known[: self.orders.parameters]
         weights = PLANT_WEIGHT * self.linear("plant") + STATE_WEIGHT * self.linear("noise")
         weak = np.sqrt(weights[linear])
 

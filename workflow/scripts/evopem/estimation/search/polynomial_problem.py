@@ -177,9 +177,11 @@ class PolynomialProblem(BasinHoppingProblem):
         fresh, lone = self._own_starts, self._own_starts and self._plants_of_one_optimum()
         begins = [self._of_plants(lone)[0] if lone else self.estimates[0]] if fresh else []
         for model in () if lone else self._models:
-            begins.append(self.completed(self.adapted(model))[0])
-            if model.orders == self.errors.orders and self._is_lost_in_products(begins[-1]):
-                begins.append(self.errors.repair(self.errors.completed_by_states(model)[None]))
+            adapted = self.adapted(model)
+            begins.append(self.completed(adapted)[0])
+            nested = self.errors.orders.contains(model.orders)
+            if nested and self._is_lost_in_products(begins[-1]):
+                begins.append(self.errors.repair(self.errors.completed_by_states(adapted[0])[None]))
             begins.append(self._with_further_poles(model))
         points = np.concatenate(begins)
         values = self.values(points)
@@ -205,10 +207,8 @@ class PolynomialProblem(BasinHoppingProblem):
         """Points of the lowest of the estimates, or those of slow poles, and their evaluations."""
         points, used = self.estimates
         if slow:
-            plants = (
-                [p] * max(self.errors.orders.inputs, 1) for p in slow_denominators(self.errors)
-            )
-            points, used = self._of_plants(plants)
+            inputs = max(self.errors.orders.inputs, 1)
+            points, used = self._of_plants([p] * inputs for p in slow_denominators(self.errors))
         values = self.values(points)
         lowest = np.argsort(values, kind="stable")[:count]
         return points[lowest[np.isfinite(values[lowest])]], used + len(points)
@@ -245,14 +245,10 @@ class PolynomialProblem(BasinHoppingProblem):
         u, y = self.errors.inputs, self.errors.output
         u, y = u - np.mean(u, axis=0), y - np.mean(y)
         point = self._from_denominators([plant])[0][0]
-        outputs = [
-            lfilter(
-                np.append(np.zeros(o.nk[i]), point[o.part("b", i)]),
-                np.append(1.0, point[o.part("f", i)]),
-                u[:, i],
-            )
-            for i in range(o.inputs)
-        ]
+        outputs = []
+        for i in range(o.inputs):
+            b, f = point[o.part("b", i)], point[o.part("f", i)]
+            outputs.append(lfilter(np.append(np.zeros(o.nk[i]), b), np.append(1.0, f), u[:, i]))
         for i, denominator in enumerate(plant):
             rest = y - sum(outputs) + outputs[i]
             given = o.nf[i], o.nb[i : i + 1], o.nk[i : i + 1], self.errors.plant_radius
@@ -288,7 +284,8 @@ class PolynomialProblem(BasinHoppingProblem):
         return self.completed(points, alone=True)
 
     def adapted(self, model: PolynomialModel) -> Array:
-        """A model as points of these orders: coefficients cut off or filled up with zeros."""
+        """A model as points of these orders: coefficients cut off or filled up with zeros, B only
+        where its orders are contained in these."""
         o, of_inputs = self.errors.orders, range(self.errors.orders.inputs)
         plants = [np.convolve(model.A, f) for f in model.F]
         kinds: list[dict[str, list[Array]]]
@@ -306,6 +303,9 @@ class PolynomialProblem(BasinHoppingProblem):
                     part = o.part(name, i)
                     kept = monic[i][1 : part.stop - part.start + 1]
                     point[part.start : part.start + len(kept)] = kept
+            for i, b in enumerate(model.B if o.contains(model.orders) else ()):
+                first = o.part("b", i).start + model.nk[i] - o.nk[i]
+                point[first : first + len(b)] = b
         return points
 
     def _with_further_poles(self, model: PolynomialModel) -> Array:
