@@ -12,7 +12,8 @@ from evopem.config.settings import Objective, OutputWeighting, SearchSettings
 from evopem.config.structures import REGULARISED
 from evopem.errors import NoModelError
 from evopem.estimation import criteria
-from evopem.estimation.impulse_response import Posterior, posterior
+from evopem.estimation.impulse_response import posterior
+from evopem.estimation.pem.covariance import innovation_variance
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.descents_on_parts import descents_on_parts
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
@@ -92,22 +93,19 @@ def fit(
     """
     errors = PolynomialErrors(stretches, orders, objective, PLANT_RADIUS, NOISE_RADIUS, level)
     if structure in REGULARISED:
-        return _regularised(errors, replace(orders, structure=structure))
-    starts = PolynomialProblem(errors, models, own_starts).starts()
-    if len(starts) == 0:
-        raise NoModelError(f"no start of {orders} has finite prediction errors")
-    descents = staged_descent(errors, starts, stages)
-    point = descents.points[int(np.argmin(descents.values))]
-    levels = tuple(map(float, point[errors.parts()["level"]]))
+        response = posterior(errors)
+        point, parameters, variance = response.point, response.parameters, response.noise_variance
+    else:
+        starts = PolynomialProblem(errors, models, own_starts).starts()
+        if len(starts) == 0:
+            raise NoModelError(f"no start of {orders} has finite prediction errors")
+        descents = staged_descent(errors, starts, stages)
+        point = descents.points[int(np.argmin(descents.values))].copy()
+        parameters = errors.parameters
+        variance = innovation_variance(errors.residuals(point), len(point))
     residuals = tuple(residuals[:, None] for residuals in errors.residuals_of_stretches(point))
-    together = np.concatenate(residuals)[:, 0]
-    model = model_of(
-        replace(orders, structure=structure or orders.structure),
-        point.copy(),
-        level=levels[0] if levels else 0.0,
-        noise_variance=float(together @ together) / max(len(together) - len(point), 1),
-    )
-    return Fit(model, orders.parameters + len(levels), residuals, orders.first_residual)
+    model = _model_at(errors, point, variance, structure or orders.structure)
+    return Fit(model, parameters, residuals, orders.first_residual)
 
 
 def fits_of_parts(
@@ -124,29 +122,23 @@ def fits_of_parts(
     if structure in REGULARISED:
         first = [posterior(errors) for errors in problems[:1]]
         others = [posterior(errors, first[0].prior) for errors in problems[1:]]
-        return [_of_response(*pair, orders) for pair in zip(problems, first + others, strict=True)]
+        pairs = zip(problems, first + others, strict=True)
+        return [_model_at(e, r.point, r.noise_variance, structure) for e, r in pairs]
     ends = descents_on_parts(problems, model.parameters, *FOLD_STAGES)
     return [
         fit(part, orders, objective, [model], False, structure, FOLD_STAGES).model
         if end is None
-        else model_of(
-            orders, end, level=float(end[orders.parameters]), noise_variance=model.noise_variance
-        )
-        for part, end in zip(parts, ends, strict=True)
+        else _model_at(errors, end, model.noise_variance, structure)
+        for part, errors, end in zip(parts, problems, ends, strict=True)
     ]
 
 
-def _regularised(errors: PolynomialErrors, orders: Orders) -> Fit:
-    response = posterior(errors)
-    residuals = tuple(e[:, None] for e in errors.residuals_of_stretches(response.point))
-    model = _of_response(errors, response, orders)
-    return Fit(model, response.parameters, residuals, orders.first_residual)
-
-
-def _of_response(errors: PolynomialErrors, response: Posterior, orders: Orders) -> PolynomialModel:
-    level = float(response.point[orders.parameters]) if errors.level else 0.0
-    noise = response.noise_variance
-    return model_of(orders, response.point, level=level, noise_variance=noise)
+def _model_at(
+    errors: PolynomialErrors, point: Array, noise_variance: float, structure: str
+) -> PolynomialModel:
+    orders = replace(errors.orders, structure=structure)
+    level = float(point[orders.parameters]) if errors.levels else 0.0
+    return model_of(orders, point, level=level, noise_variance=noise_variance)
 
 
 class ArxFit(NamedTuple):
