@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from evopem.signals.readers.open_file import Channel, Contents, library, refuse_unreadable
+from evopem.signals.readers.open_file import Channel, Contents, library, refusing_damage
 
 
 @contextmanager
@@ -22,10 +22,7 @@ def opened(path: Path) -> Iterator[Contents]:
             column = column.cast(arrow.float64())
         return Channel(names[index], column.to_numpy())
 
-    try:
-        with path.open("rb") as stream:
-            file = parquet.ParquetFile(stream)
-            names = list(file.schema_arrow.names)
-            yield Contents(path, "column", [(name,) for name in names], load)
-    except (arrow.ArrowException, OSError):
-        refuse_unreadable(path, "Parquet file")
+    with refusing_damage(path, "Parquet file"), path.open("rb") as stream:
+        file = parquet.ParquetFile(stream)
+        names = list(file.schema_arrow.names)
+        yield Contents(path, "column", [(name,) for name in names], load)
