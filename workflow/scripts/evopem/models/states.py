@@ -45,23 +45,25 @@ def fitted(
     scale = np.where(np.arange(len(target)) < unknown, FAINT, 1.0)[:, None] * scale
     rows = (columns * scale[:, :, None]).reshape(-1, columns.shape[2])
     goal = (target * scale).ravel()
-    further = np.zeros((0, rows.shape[1])) if prior is None else prior
     said = np.abs(rows)
     # What is left of states long after they have decayed says nothing.
     if not (robust or np.any(said[-1:] > DECAYED * said.max(initial=0.0))):
         said = np.flatnonzero(np.any(said > DECAYED * said.max(axis=0), axis=1))
         rows, goal = (part[: said[-1] + 1 if len(said) else None] for part in (rows, goal))
-    weights = np.ones(len(goal))
+    # Copies of large arrays take longer than what is computed of them.
+    weighted, weighted_goal = rows, goal
     for _ in range(REWEIGHTINGS + 1 if robust else 1):
-        weighted = np.vstack([rows * weights[:, None], further])
+        if prior is not None:
+            weighted = np.vstack([weighted, prior])
+            weighted_goal = np.concatenate([weighted_goal, np.zeros(len(prior))])
         # States of very different sizes would make the small ones look undetermined.
         sizes = np.linalg.norm(weighted, axis=0)
         sizes = np.where(sizes > 0.0, sizes, 1.0)
-        weighted_goal = np.concatenate([goal * weights, np.zeros(len(further))])
         coefficients = _least_squares(weighted / sizes, weighted_goal) / sizes
         if robust:
             left = np.abs(goal - rows @ coefficients)
             weights = 1.0 / np.sqrt(np.maximum(left, 0.1 * np.mean(left) + 1e-300))
+            weighted, weighted_goal = rows * weights[:, None], goal * weights
     return np.asarray(coefficients)
 
 
