@@ -226,7 +226,7 @@ def _paths(scorer: Scorer, structure: str) -> Iterator[list[list[Orders]]]:
     for delays, (form, known) in product(dict.fromkeys((scorer.delays, early)), forms):
         sizes = sorted({*known, late or known[0]})
         # A response that begins early and ends before the delay would hold nothing of the system.
-        silent = max(0, *map(int.__sub__, scorer.delays, delays)) * (structure in REGULARISED)
+        silent = max([0, *map(int.__sub__, scorer.delays, delays)]) * (structure in REGULARISED)
         path = [orders_of_size(form, n, delays) for n in sizes if n > silent]
         smallest = path[0][0]
         if any(smallest.nf) or not any(scorer.limits.clamped(structure, smallest).nf):
