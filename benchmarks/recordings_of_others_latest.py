@@ -105,10 +105,30 @@ on any:
 - jmnzzz210/IE0431-proyecto (MIT): ``datos_motor-3-3_lambda.csv`` of ``Data`` (motor of a course
   under feedback: what its controller sends, speed with outliers, by the course of the signals and
   not by their headings; logged at intervals that vary and read every 31 milliseconds).
+
+The set ``tenth`` is for one measurement at the end: 6 recordings of other sources than those of the
+sets before, four of several inputs, chosen by plots and documents and split before anything was run
+on any:
+
+- prakharsethi17/Attitude-Control-of-Quadcopter (none): of ``Decoupled 3-DoF`` the files
+  ``Pitch/combined_exp1_1.csv`` and ``Roll/combined_exp1.csv`` (quadrotor on a rig that turns about
+  one axis: settings of its four motors in steps of random height, angle of pitch or of roll, every
+  tenth sample from 120 s and from 100 s);
+- wackypiyush/Solar_Plants (none): ``Plant_1_Weather_Sensor_Data.csv`` (solar plant in India by the
+  quarter of an hour: irradiation, temperature of the air, temperature of a module; missing rows are
+  interpolated);
+- YANGOnion/Rainfall-runoff-modelling-in-R (none): ``66193.csv`` of ``hydro_modelling/input`` (river
+  basin by the day: rainfall, potential evaporation, runoff, samples 4000 to 8000);
+- mauicv/servo-sysid (none): ``real-action-state-dataset.json`` of ``src/sysid/dataset`` (servo with
+  an arm: angle that is asked for, angle; random binary, triangular and square sequences, before
+  each of which the arm returns);
+- EzeSabatella/CSV (none; package tsibbledata of R): ``vic_elec.csv`` (electricity of Victoria by
+  the hour: temperature, demand; the first 4500 hours of 2012).
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -322,5 +342,46 @@ def ninth(folder: Path) -> Iterator[Record]:
             ("transformer", transformer, 3000, 1500, 1 / 3600),
             ("micromouse", lambda: table("testPid2.csv", 3, 2, **CSV), 500, 248, 1 / 0.011),
             ("motor of a course", course, 1900, 1100, 1 / 0.031),
+        )
+    )
+
+
+def tenth(folder: Path) -> Iterator[Record]:
+    """Recordings for one measurement at the end: 6, of one output; four have several inputs."""
+    table = partial(columns_of, folder)
+
+    def on_a_rig(name: str, first: int) -> list[np.ndarray]:
+        rows = np.genfromtxt(folder / name, **CSV)[first::10]
+        return [rows[:, 3:7], rows[:, 1]]
+
+    def module() -> list[np.ndarray]:
+        measured = pd.read_csv(folder / "Plant_1_Weather_Sensor_Data.csv")
+        minutes = (pd.to_datetime(measured["DATE_TIME"]) - pd.Timestamp("2020-05-15")).dt
+        at, times = minutes.total_seconds().to_numpy() / 900.0, np.arange(3260)
+        names = "IRRADIATION", "AMBIENT_TEMPERATURE", "MODULE_TEMPERATURE"
+        *given, warm = (np.interp(times, at, measured[name].to_numpy()) for name in names)
+        return [np.column_stack(given), warm]
+
+    def river() -> list[np.ndarray]:
+        rows = np.genfromtxt(folder / "66193.csv", **CSV)[4000:8000]
+        return [rows[:, [2, 4]], rows[:, 1]]
+
+    def servo() -> list[np.ndarray]:
+        tests = json.loads((folder / "real-action-state-dataset.json").read_text())["data"]
+        kinds = "prbs", "triangle", "square"
+        kept = [test for kind in kinds for test in tests if test["type"] == kind]
+        return [np.concatenate([t[key] for t in kept]) for key in ("actions", "sensor_data")]
+
+    def demand() -> list[np.ndarray]:
+        return [each[:9000:2] for each in table("vic_elec.csv", 2, 1, **CSV)]
+
+    yield from first_samples_of(
+        (
+            ("pitch on a rig", lambda: on_a_rig("combined_exp1_1.csv", 12_000), 2900, 1500, 10.0),
+            ("roll on a rig", lambda: on_a_rig("combined_exp1.csv", 10_000), 3600, 2400, 10.0),
+            ("solar module", module, 2160, 1100, 1 / 900),
+            ("river basin", river, 2500, 1500, 1 / 86_400),
+            ("servo with an arm", servo, 1050, 600, 50.0),
+            ("grid of Victoria", demand, 3000, 1500, 1 / 3600),
         )
     )
