@@ -79,12 +79,12 @@ def test_files_are_read_as_one_recording_with_the_origin_of_each(tmp_path):
         (
             {"output_names": ("force",)},
             'b.csv: the output is "force" here and "output" in a.csv; name under output what all'
-            " recordings of the data set have, or take this file out of it.",
+            " recordings have, or leave this file out.",
         ),
         (
             {"input_units": ("V",)},
             'b.csv: the unit of its input is "V" here and "" in a.csv; name under input_unit what'
-            " all recordings of the data set have, or take this file out of it.",
+            " all recordings have, or leave this file out.",
         ),
     ],
 )

@@ -15,7 +15,7 @@ from evopem.models.continuous import ContinuousModel, continuous_of
 from evopem.models.modes import Mode, state_space_modes
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial_roots import on_circle
-from evopem.models.states import delayed, fitted, powers_times, probable, states_of
+from evopem.models.states import delayed, fitted, levels_moved, powers_times, probable, states_of
 
 StateSpaceStructure = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
 PlainStructure = Literal["ss", "ss_oe"]
@@ -236,12 +236,12 @@ class StateSpaceModel:
     ) -> Array:
         """Simulation, (N, ny), from the initial state with which it fits the outputs best.
 
-        Least squares, each output relative to its spread.  With ``fit_level`` a constant is fitted
-        as well.
+        Least squares, each output relative to its spread; with ``fit_level`` of a constant as well.
 
         With ``known`` from the initial state that so many first outputs make most probable: of
         normal states with the second moments of a simulation from rest, in noise of the size that
-        the least-squares state leaves over them.  A state that they hardly determine stays small.
+        the least-squares state leaves over them.  A state that they hardly determine stays small,
+        and the model's level where they do not say that it has moved (:func:`.levels_moved`).
         """
         return self.simulations(inputs, outputs, (fit_level,), False, known)[0]
 
@@ -258,11 +258,16 @@ class StateSpaceModel:
             power = driven.T @ driven / len(driven)
         if not all(np.isfinite(part).all() for part in (rest, free, power)):
             return [np.full(y.shape, np.inf)] * len(levels)
-        given = (y - rest)[:known], np.std(y[:known], axis=0), robust
-        columns = (free if fit_level else free[:, :, : form.order] for fit_level in levels)
+        alone, given = free[:, :, : form.order], ((y - rest)[:known], np.std(y[:known], axis=0))
         if known is None:
-            return [rest + c @ fitted(c, *given) for c in columns]
-        return [rest + c @ probable(c[:known], *given, power) for c in columns]
+            columns = (free if fit_level else alone for fit_level in levels)
+            return [rest + c @ fitted(c, *given, robust) for c in columns]
+        same = rest + alone @ probable(alone[:known], *given, robust, power)
+        if not any(levels):
+            return [same] * len(levels)
+        moved = rest + free @ probable(free[:known], *given, robust, power)
+        is_moved = levels_moved((y - same)[:known], (y - moved)[:known], given[1], robust)
+        return [moved if fit_level and is_moved else same for fit_level in levels]
 
     def frequency_response(self, frequencies: ArrayLike) -> Complex:
         """``G = C (zI - A)^-1 B + D`` with its delays at frequencies in Hz, (..., ny, nu)."""
@@ -352,12 +357,7 @@ class StateSpaceModel:
 
         ``Level``, which ``idss`` does not have, stands beside them.
         """
-        return {
-            "A": self.A,
-            "B": self.B,
-            "C": self.C,
-            "D": self.D,
-            "K": self.K,
+        return dict(zip("ABCDK", self._parts, strict=False)) | {
             "Ts": np.array(1.0 / self.sampling_rate),
             "NoiseVariance": self.noise_covariance,
             "InputDelay": np.asarray(self.delays, dtype=float)[:, None],

@@ -20,6 +20,8 @@ FIRST_SHARE = 0.1
 """Share of a recording without a past that determines the state of its simulation."""
 # Iterations of reweighted least squares towards least absolute deviations.
 REWEIGHTINGS = 5
+# A difference of BIC that is very strong evidence (Kass & Raftery 1995).
+VERY_STRONG = 10.0
 
 
 def first_samples(samples: int) -> int:
@@ -85,6 +87,15 @@ def probable(columns: Array, target: Array, spread: Array, robust: bool, moments
     scaled[:n, :n] = directions * np.sqrt(np.maximum(powers, 0.0))
     np.fill_diagonal(scaled[n:, n:], np.sqrt(np.mean(target**2, axis=0)))
     return np.asarray(scaled @ fitted(columns @ scaled, target, noise, robust, np.eye(count)))
+
+
+def levels_moved(same: Array, moved: Array, spread: Array, robust: bool) -> bool:
+    """Whether errors, (N, ny), with levels of their own refute the model's levels, by the BIC. Next
+    to a pole near 1 few samples hardly tell level from state, and a wrong share becomes a ramp."""
+    scale, power = np.where(spread > 0.0, spread, 1.0), 1 if robust else 2
+    sizes = [max(float(np.sum(np.abs(e / scale) ** power)), TINY) for e in (same, moved)]
+    gain = 2.0 / power * len(same) * np.log(sizes[0] / sizes[1])
+    return bool(gain > np.log(len(same)) + VERY_STRONG)
 
 
 def _least_squares(columns: Array, goal: Array) -> Array:

@@ -63,9 +63,7 @@ def check_recording(
             remedy = "record in another unit or scale the channel"
         elif measured and number >= inputs:
             problem = _stuck(values)
-            remedy = (
-                f"{leave}record again within the range of the instrument, or cut that part away"
-            )
+            remedy = f"{leave}record again within the instrument's range, or cut that part away"
         if problem:
             raise InputError(source, problem, remedy, place)
 
@@ -117,10 +115,7 @@ def joined(recordings: Sequence[Recording], sources: Sequence[str]) -> Recording
         for (what, key), value in expected.items():
             if common.get((what, key)) != value:
                 here = f'"{common.get((what, key))}" here and "{value}" in {sources[0]}'
-                remedy = (
-                    f"name under {key} what all recordings of the data set have, or take this file"
-                    " out of it"
-                )
+                remedy = f"name under {key} what all recordings have, or leave this file out"
                 raise InputError(source, f"the {what} is {here}", remedy)
         _check_rate(recordings[0], recording, source, sources[0])
         once = "give every recording of the data set once"
