@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from evopem.errors import InputError
 from evopem.files.atomic import load_arrays
@@ -123,6 +124,18 @@ def test_a_channel_cut_off_shows_in_its_saturated_share():
     rudder = np.clip(4.0 * signal, -1.0, 1.0)
     assert saturated_share(rudder, is_input=True) == 0.0 < saturated_share(rudder)
     assert saturated_share(clipped, is_input=True) > 0.3
+
+
+def test_the_top_of_a_wave_in_coarse_steps_is_not_called_saturated():
+    slow = lfilter([0.05], [1.0, -0.95], np.random.default_rng(3).standard_normal(3000))
+    smooth = lfilter([0.2], [1.0, -0.8], slow / slow.std())
+    found = [
+        [saturated_share(np.round(part / 0.1) * 0.1) for part in (piece, np.clip(piece, -0.8, 0.8))]
+        for piece in smooth.reshape(10, 300)
+    ]
+    whole, cut = np.array([pair for pair in found if pair[1] > 0.0]).T
+    assert len(cut) >= 7
+    assert np.count_nonzero(whole) == 0
 
 
 def test_a_signal_of_a_few_levels_is_not_called_saturated():

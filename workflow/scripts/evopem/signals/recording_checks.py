@@ -21,6 +21,8 @@ SWITCHED = 1.0 / 3.0
 
 MIN_SATURATED_RUN = 3
 """This many equal samples in sequence at a signal's limit count as saturated."""
+# In coarse steps a parabola's top is 2 / (sqrt(2) - 1) times as long as a level beside it at most.
+TOP_OF_WAVE = 4.83
 
 LARGEST_STUCK_SHARE = 0.9
 """A measured output with more than this share of its samples at one value, or at its two limits,
@@ -88,8 +90,8 @@ def saturated_share(signal: Array, is_input: bool = False) -> float:
 
     0 for a signal of at most `MAX_DESIGNED_LEVELS` levels, and for one that is held at most of its
     other values, such as random steps.  Coarse steps of an instrument hold two other values or more
-    for as long, and the first run is rest before something acts.  An input at 0 is switched off,
-    and one that spends most of its time at both limits is switched between them, over ramps.
+    for as long, and stay at the top of a wave.  The first run is rest before something acts.  An
+    input at 0 is switched off, and one that is mostly at both limits is switched between them.
     """
     at_limits = [np.mean(signal == limit) for limit in (signal.min(), signal.max())]
     switched = is_input and min(at_limits) > SWITCHED
@@ -101,6 +103,10 @@ def saturated_share(signal: Array, is_input: bool = False) -> float:
     others, least = np.sort(lengths[~at_limit]), MIN_SATURATED_RUN
     if np.sum(others[others >= least]) > 0.5 * np.sum(others):
         return 0.0
+    changes, padded = np.abs(np.diff(signal[starts])), np.pad(lengths, 1)
+    near = np.pad(changes < 1.5 * changes.min(), 1, constant_values=True)
+    longest = TOP_OF_WAVE * np.maximum(padded[:-2], padded[2:])
+    at_limit &= ~(near[:-1] & near[1:] & (lengths <= longest))
     at_limit[0] = False
     at_limit &= (signal[starts] != 0.0) | (not is_input)
     stays = lengths >= max([least, *(others[-2:-1] + 1)])
