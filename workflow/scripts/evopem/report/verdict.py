@@ -249,8 +249,9 @@ def _frequency_response(results: DatasetResults) -> Use:
         return _use(key, name, ("no", text), checked)
     table = results.responses
     table = table[table["source"] == results.model_source[0]]
-    samples = max(validation.residual_samples, 1)
-    bands = _bands(table, results.model.has_input * results.model.sampling_rate / samples)
+    samples, measured = validation.residual_samples, results.spectrum["frequency_hz"]
+    lowest = results.model.sampling_rate / samples if samples else measured[measured > 0.0].min()
+    bands = _bands(table, results.model.has_input * lowest)
     half, (off, place) = float(np.max([b[0] for b in bands])), max(band[1:] for band in bands)
     least = ", of the least known pair" if len(results.pairs) > 1 else ""
     text = f"gain ±{percent(half, 2)} (95 % band, median over frequency{least})"
