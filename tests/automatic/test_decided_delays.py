@@ -271,6 +271,8 @@ def test_regularised_responses_begin_early_too_where_the_delay_is_long():
         assert {candidate.orders.single.nk for candidate in found} == begins
         # One that begins early and ends before the delay holds nothing of the system.
         assert min(o.nk[0] + o.nb[0] for o in (each.orders for each in found)) > delay
+    scorer = Scorer(segments, plan, CommonSettings(), limits, (130,))
+    assert {path[0][0].nk for path in _paths(scorer, "impulse")} == {(130,)}
 
 
 def test_other_likely_delays_are_tried_with_the_orders_of_a_candidate(monkeypatch):

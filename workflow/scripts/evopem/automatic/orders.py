@@ -228,6 +228,8 @@ def _paths(scorer: Scorer, structure: str) -> Iterator[list[list[Orders]]]:
         # A response that begins early and ends before the delay would hold nothing of the system.
         silent = max([0, *map(int.__sub__, scorer.delays, delays)]) * (structure in REGULARISED)
         path = [orders_of_size(form, n, delays) for n in sizes if n > silent]
+        if not path:
+            continue
         smallest = path[0][0]
         if any(smallest.nf) or not any(scorer.limits.clamped(structure, smallest).nf):
             yield path

@@ -213,7 +213,7 @@ def _with_valid_noise(candidates: list[Candidate]) -> tuple[list[Candidate], lis
 def _with_noise(scorer: Scorer, candidates: Sequence[Candidate]) -> list[Candidate]:
     """The best output-error model with noise models, whose orders no path from small ones comes to:
     without feedback its plant is consistent whatever the noise is (Ljung 1999, section 8.4)."""
-    plants = [candidate for candidate in candidates if candidate.structure == "oe"]
+    plants = [c for c in candidates if c.structure == "oe" and scorer.limits.allow("bj", None)]
     begun = with_noise_models(scorer, min(plants, key=SIMULATION_BIC)) if plants else iter(())
     fits = (
         scorer.candidate("bj", noisy.orders, [noisy.polynomials], False, False, True)
