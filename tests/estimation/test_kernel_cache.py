@@ -83,7 +83,12 @@ def test_a_change_in_one_file_invalidates_what_other_files_compiled_and_a_touch_
 
 
 @pytest.mark.parametrize(("is_there", "compiled_here"), [(True, 0), (False, 1)])
-def test_a_second_core_compiles_what_is_called_afterwards(package, is_there, compiled_here):
+def test_a_second_core_compiles_what_is_called_afterwards(
+    package, is_there, compiled_here, monkeypatch
+):
+    # Files of the folder it is started in are no modules for it, as they are none for the first.
+    monkeypatch.chdir(package)
+    (package / "numba.py").write_text("raise ImportError")
     kernels = (
         OUTER.replace("total", "later") + "\ndef compile_kernels():\n    later(1)\n" * is_there
     )
@@ -93,13 +98,13 @@ def test_a_second_core_compiles_what_is_called_afterwards(package, is_there, com
     )
     (package / "outer.py").write_text("from functools import partial\n" + first)
     code = """
-import os
-os.cpu_count = lambda: 2
+import sys
+sys.path.remove("")
 from package.beside import later
 from package.outer import total
 print(total(1), len(total.stats.cache_misses), later(1), len(later.stats.cache_misses))
 """
-    assert run(package, code)[0] == (20, 1, 20, compiled_here)
+    assert run(package, code, NUMBA_NUM_THREADS="2")[0] == (20, 1, 20, compiled_here)
     assert run(package, code)[0] == (20, 0, 20, 0)
 
 

@@ -9,7 +9,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from numba.core import caching
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import register_pass
+from numba.core.config import NUMBA_NUM_THREADS  # type: ignore[attr-defined]
 from numba.core.runtime import rtsys
 from numba.core.typed_passes import NativeLowering
 
@@ -167,8 +168,9 @@ class _FolderCache(caching.FunctionCache):
         loaded = self._loaded(sig, target_context)
         if loaded is None and not self.is_quick:
             _announce(os.getpid())
-            if self.meanwhile is not None and (os.cpu_count() or 1) > 1:
-                _ELSEWHERE.append(_compiling(self.meanwhile))
+            if self.meanwhile is not None and NUMBA_NUM_THREADS > 1:
+                with suppress(OSError):  # no further process may be started
+                    _ELSEWHERE.append(_compiling(self.meanwhile))
             elif _ELSEWHERE:
                 _ELSEWHERE.pop().wait()
                 loaded = self._loaded(sig, target_context)
@@ -190,7 +192,8 @@ _ELSEWHERE: list[subprocess.Popen[bytes]] = []
 def _compiling(module: str) -> subprocess.Popen[bytes]:
     """A process that compiles the kernels of a module.  Where it fails, they are compiled here."""
     return subprocess.Popen(
-        [sys.executable, "-c", f"from {module} import compile_kernels; compile_kernels()"],
+        # Without the folder it is started in, whose files may have the names of modules.
+        [sys.executable, "-P", "-c", f"from {module} import compile_kernels; compile_kernels()"],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
