@@ -214,9 +214,8 @@ def _decision(
 def _paths(scorer: Scorer, structure: str) -> Iterator[list[list[Orders]]]:
     """Orders from small to large; those of a step are alternatives of about the same size.
 
-    One without poles is left out where limits ask for some.  Polynomials begin
-    early too where a long delay is not certain, and a regularised response, which needs none, as
-    early as it may where it is long.
+    One without poles is left out where limits ask for some.  Polynomials begin early too where a
+    long delay is not certain, and a regularised response, which needs none, at 0 behind a long one.
     """
     late = scorer.plan.late_response * (structure in REGULARISED)
     early = scorer.early or scorer.delays
@@ -228,10 +227,7 @@ def _paths(scorer: Scorer, structure: str) -> Iterator[list[list[Orders]]]:
         # A response that begins early and ends before the delay would hold nothing of the system.
         silent = max([0, *map(int.__sub__, scorer.delays, delays)]) * (structure in REGULARISED)
         path = [orders_of_size(form, n, delays) for n in sizes if n > silent]
-        if not path:
-            continue
-        smallest = path[0][0]
-        if any(smallest.nf) or not any(scorer.limits.clamped(structure, smallest).nf):
+        if path and (any((o := path[0][0]).nf) or not any(scorer.limits.clamped(structure, o).nf)):
             yield path
 
 
