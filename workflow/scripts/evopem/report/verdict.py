@@ -247,8 +247,7 @@ def _frequency_response(results: DatasetResults) -> Use:
     if is_number(error) and error >= ERROR_OF_MEAN:
         text = f"it {computed} no better than the mean, off by {percent(error)}"
         return _use(key, name, ("no", text), checked)
-    table = results.responses
-    table = table[table["source"] == results.model_source[0]]
+    table = results.responses[results.responses["source"] == results.model_source[0]]
     samples, measured = validation.residual_samples, results.spectrum["frequency_hz"]
     lowest = results.model.sampling_rate / samples if samples else measured[measured > 0.0].min()
     bands = _bands(table, results.model.has_input * lowest)
