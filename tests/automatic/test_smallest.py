@@ -108,6 +108,17 @@ def test_one_step_errors_do_not_decide_where_residuals_depend_on_the_input(of_al
     assert chosen(likely, simulates, of_all=of_all)[0] is (simulates if of_all else likely)
 
 
+def test_a_pole_at_the_bound_wins_no_tie_on_held_out_samples():
+    """Beyond a held-out block its slow waves grow; what they lower is the error of the fit."""
+    inside, at_bound = candidate(8), replace(candidate(12), simulation_bic=-1.0)
+    scorer = scorer_of((inside, at_bound), of_all=(INDEPENDENT_OF_INPUT,))
+    of_all = scorer.checks(inside)
+    assert _smallest_as_good(scorer, (inside, at_bound), "simulation")[0] is at_bound
+    at_it = SimpleNamespace(failed=(INSIDE_BOUND,), whiteness=0.0)
+    scorer.checks = lambda each: at_it if each is at_bound else of_all
+    assert _smallest_as_good(scorer, (inside, at_bound), "simulation")[0] is inside
+
+
 @pytest.mark.parametrize("pole", [0.0, 0.9])
 def test_coloured_errors_of_simulations_count_as_fewer_independent_ones(pole):
     u, e = np.random.default_rng(3).standard_normal((2, 4000))
