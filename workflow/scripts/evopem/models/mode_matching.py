@@ -36,8 +36,6 @@ FREQUENCY_TOLERANCE = 0.01
 DAMPING_TOLERANCE = 0.10
 # Stable poles whose frequencies differ by less than this share belong to one mode.
 SAME_POLES = 0.02
-# Difference of BIC, not divided by the samples, of very strong evidence (Kass & Raftery 1995).
-VERY_STRONG = 10.0
 # A mode persists when its pole appears at this many successive orders.
 PERSISTENT_ORDERS = 3
 
@@ -74,6 +72,8 @@ def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[i
     As many as possible, none further apart than :data:`SAME_MODE`, with the least sum of squared
     distances in the logarithm of frequency.
     """
+    if not estimates or not references:
+        return {}
     first, second = ([math.log(m.frequency_hz) for m in modes] for modes in (estimates, references))
     distance = np.abs(np.subtract.outer(first, second))
     near = distance <= math.log(1 + SAME_MODE)
@@ -205,11 +205,6 @@ def _allowed(relative: float, *standard_errors: float) -> float:
 def _loss_by_noise(mode: Mode) -> float:
     """Expected ``1 - MAC`` of an estimated shape with the true one; 0 where it is not known."""
     return 1.0 - mode.shape_assurance if math.isfinite(mode.shape_assurance) else 0.0
-
-
-def is_refuted(model: OrderModel, larger: OrderModel, samples: float) -> bool:
-    """Whether the BIC of so many samples gives very strong evidence for a larger model."""
-    return model.order < larger.order and VERY_STRONG < samples * (model.bic - larger.bic) < np.inf
 
 
 def lacks_mode(model: OrderModel, mode: Mode, group: Mapping[int, int]) -> bool:

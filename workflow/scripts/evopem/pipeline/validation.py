@@ -1,6 +1,5 @@
 """Validation: residual tests, errors, evidence for each mode; tables and summary."""
 
-import math
 from pathlib import Path
 
 from evopem.automatic.candidates import StructureSearch
@@ -68,9 +67,7 @@ def complete_results(
         order_models = load(OrderModels, path).models if Path(path).exists() else ()
         models = {model.order: model for model in order_models}
     model = record.model if record.orders is not None else record.plant
-    # Criteria of searches are of scaled signals: that of the record is not comparable.
-    bic = models[order].bic if order in models else math.inf
-    models[order] = OrderModel.of(order, bic, model, record.modes)
+    models[order] = OrderModel.of(order, record.bic, model, record.modes)
     with one_blas_thread():
         validation, tables = validate(
             record.model,

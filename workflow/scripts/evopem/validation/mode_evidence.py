@@ -17,7 +17,6 @@ from evopem.models.mode_matching import (
     OrderModel,
     PoleOfOrder,
     cluster_modes,
-    is_refuted,
     lacks_mode,
     lies_elsewhere,
     stabilization,
@@ -28,7 +27,6 @@ from evopem.models.response_tables import Column, shaped_modes_table
 from evopem.signals.recording import Recording
 from evopem.validation.held_out_tests import NO_TEST, SIGNIFICANCE, HeldOutTest
 from evopem.validation.modal_parts import (
-    CLEAR_RESPONSE,
     ModeTests,
     has_known_damping,
     held_out_mode_tests,
@@ -67,8 +65,8 @@ class ModeEvidence:
     mode: Mode
     order: int  # order of the model that it is taken from
     orders: tuple[int, ...]  # orders whose models have it
-    # Share of the other orders that have it.  One without it counts only where its model has more
-    # poles than all modes need, and is not refuted beside a larger one.  NaN where there are none
+    # Share of the other orders that have it.  One without it counts only where its model has
+    # more poles than all modes need: else that says nothing.  NaN where there are none
     recurrence: float
     # Of the mode's response to the inputs, on held-out samples beside the responses of all other
     # modes; one test of all outputs
@@ -273,15 +271,19 @@ def _judged(
     needed = of_noise.significant(SIGNIFICANCE)
     if needed and without is not None:
         needed = not without <= 1.0  # a smaller model may fail with errors that are not finite
-    others = [m for m in by_order.values() if m.order != order_model.order]
-    enough = [m for m in others if pole_count(m.model) > 2 * len(order_model.modes)]
-    against = [m for m in enough if not is_refuted(m, order_model, samples)]
-    compared = [m for m in others if m.order in group or m in against]
+    compared = [
+        model
+        for model in by_order.values()
+        if model.order != order_model.order
+        and (model.order in group or pole_count(model.model) > 2 * len(order_model.modes))
+    ]
     ending = sorted(by_order)[-PERSISTENT_ORDERS:]
     inside = len(by_order) == 1 or chosen < ending[-1]
     shared = len(group) > 1 and group.keys() >= {m.order for m in compared}
     judged = ModeEvidence(
-        *(mode, order_model.order, tuple(sorted(group))),
+        mode=mode,
+        order=order_model.order,
+        orders=tuple(sorted(group)),
         recurrence=float(np.mean([m.order in group for m in compared])) if compared else math.nan,
         compared=len(compared),
         confirmed=inside or group.keys() >= set(ending) or (shared and of_input.p_value < CERTAIN),
@@ -323,20 +325,18 @@ def doubts(
 
     A mode is trusted when there is none: it is an underdamped resonance below half the sampling
     rate that decays within the longest stretch of ``samples``, or is reached by the inputs, clearly
-    or with a known damping; the inputs drive it or the noise model needs it on held-out samples, or
-    these have no power there and its damping is known to a tenth, with power to speak of; three
-    quarters of the models of other orders have it, all of the last three where the largest was
-    chosen, or all with enough poles at a level of 1e-6, or one of these and the inputs drive it
-    clearly and most models do not have it elsewhere; and its frequency is known to within 10 %, or
-    the bandwidth.  Without an input, one of more than 3 % damping has a
+    or with a known damping; the inputs drive it or the noise model needs it on held-out samples,
+    with power to speak of; three quarters of the models of other orders have it, all of the last
+    three where the largest was chosen, or all with enough poles at a level of 1e-6, or one of these
+    and the inputs drive it clearly and most models do not have it elsewhere; and its frequency is
+    known to within 10 %, or the bandwidth.  Without an input, one of more than 3 % damping has a
     known shape.  ``finite``: the response may be a finite one.
     """
     mode, reasons = evidence.mode, []
     driven = is_driven_clearly(evidence.input_test)
     clear = driven and not evidence.elsewhere
     clear &= evidence.confirmed or evidence.stable is not False
-    lasts = evidence.input_test.statistic >= CLEAR_RESPONSE or has_known_damping(mode)
-    sharp = mode.damping_ratio >= CLEAR_RESPONSE * mode.damping_se and bool(evidence.stable)
+    lasts = driven or has_known_damping(mode)
     decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
     colour = COLOUR_OF_FORCES if shape_doubt(mode) else COLOUR_OF_FORCE
     if mode.damping_ratio > STRONG_DAMPING or mode.frequency_hz > sampling_rate / 2:
@@ -360,7 +360,7 @@ def doubts(
             if evidence.has_input
             else "does not improve the prediction of the samples that judge it"
         )
-    elif evidence.origin == "not judged" and not (sharp and evidence.needed_by_noise is False):
+    elif evidence.origin == "not judged":
         reasons.append("could not be tested: few samples judge it, or without power there")
     if evidence.stable is False and not clear:
         of_them = round(evidence.recurrence * evidence.compared)
