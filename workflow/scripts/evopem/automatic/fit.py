@@ -95,6 +95,7 @@ def fit(
     if structure in REGULARISED:
         response = posterior(errors)
         point, parameters, variance = response.point, response.parameters, response.noise_variance
+        residuals = errors.residuals_of_stretches(point)
     else:
         starts = PolynomialProblem(errors, models, own_starts).starts()
         if len(starts) == 0:
@@ -102,10 +103,10 @@ def fit(
         descents = staged_descent(errors, starts, stages)
         point = descents.points[int(np.argmin(descents.values))].copy()
         parameters = errors.parameters
-        variance = innovation_variance(errors.residuals(point), len(point))
-    residuals = tuple(residuals[:, None] for residuals in errors.residuals_of_stretches(point))
+        residuals = errors.residuals_of_stretches(point)
+        variance = innovation_variance(np.concatenate(residuals), len(point))
     model = _model_at(errors, point, variance, structure or orders.structure)
-    return Fit(model, parameters, residuals, orders.first_residual)
+    return Fit(model, parameters, tuple(e[:, None] for e in residuals), orders.first_residual)
 
 
 def fits_of_parts(

@@ -224,10 +224,15 @@ def _paths(scorer: Scorer, structure: str) -> Iterator[list[list[Orders]]]:
     forms = PATHS.get(structure, {structure: PATH}).items()
     for delays, (form, known) in product(dict.fromkeys((scorer.delays, early)), forms):
         sizes = sorted({*known, late or known[0]})
-        # A response that begins early and ends before the delay would hold nothing of the system.
-        silent = max([0, *map(int.__sub__, scorer.delays, delays)]) * (structure in REGULARISED)
-        path = [orders_of_size(form, n, delays) for n in sizes if n > silent]
-        if path and (any((o := path[0][0]).nf) or not any(scorer.limits.clamped(structure, o).nf)):
+        if structure in REGULARISED:
+            # One that begins early and ends before the delay would hold nothing of the system.
+            before = [delay - k for delay, k in zip(scorer.delays, delays, strict=True)]
+            sizes = [n for n in sizes if n > max(before, default=0)]
+        path = [orders_of_size(form, n, delays) for n in sizes]
+        if not path:
+            continue
+        smallest = path[0][0]
+        if any(smallest.nf) or not any(scorer.limits.clamped(structure, smallest).nf):
             yield path
 
 

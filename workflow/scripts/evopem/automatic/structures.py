@@ -259,8 +259,9 @@ def _for_simulation(
     if not is_fed_back and _misses_response(scorer, likeliest):
         choice = regularised_unless_worse(kept, kind, *choice)
     chosen, sentence = gain_of_nothing(scorer, candidates, kind, choice[0]) or choice
-    about = "structure for simulation", "simulation error on held-out samples, %"
-    return chosen, _named(about[0], chosen, candidates, score, about[1], sentence)
+    criterion = "simulation error on held-out samples, %"
+    subject = "structure for simulation"
+    return chosen, _named(subject, chosen, candidates, score, criterion, sentence)
 
 
 def _that_simulate(scorer: Scorer, candidates: Sequence[Candidate]) -> list[Candidate]:

@@ -289,12 +289,9 @@ def estimate_response(errors: PolynomialErrors, sampling_rate: float) -> Polynom
 
     NoModelError when there are fewer samples than levels and one more.
     """
-    response = posterior(errors)
-    point, counted, outputs = (
-        response.point,
-        errors.residuals(response.point),
-        errors.scored_outputs(),
-    )
+    response, outputs = posterior(errors), errors.scored_outputs()
+    point = response.point
+    counted = errors.residuals(point)
     criteria = criteria_of(counted, outputs, errors.objective, response.parameters)
     search = SearchResult(point, criteria.objective, SearchDiagnostics.none())
     variance, covariance = response.noise_variance, response.covariance(errors)

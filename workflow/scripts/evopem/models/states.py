@@ -20,7 +20,7 @@ FIRST_SHARE = 0.1
 """Share of a recording without a past that determines the state of its simulation."""
 # Iterations of reweighted least squares towards least absolute deviations.
 REWEIGHTINGS = 5
-# A difference of BIC that is very strong evidence (Kass & Raftery 1995).
+# A difference of BIC, for all samples, that is very strong evidence (Kass & Raftery 1995).
 VERY_STRONG = 10.0
 
 

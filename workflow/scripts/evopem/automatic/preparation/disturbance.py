@@ -14,6 +14,7 @@ from evopem.automatic.fit import FOLD_STAGES, ArxFit, fit, likeliest_arx, log_lo
 from evopem.errors import NoModelError
 from evopem.estimation.delays import likely_delays, longest_delay
 from evopem.models.orders import Orders
+from evopem.models.states import VERY_STRONG
 from evopem.signals.recording import Segment, total_samples
 from evopem.signals.transforms import NO_FILTER, HighPass, difference
 from evopem.validation.held_out_tests import left_by
@@ -28,10 +29,9 @@ OBJECTIVE_ORDERS, LEAST_EVIDENCE = (2, 4, 8, 12, 16), 3.0
 # Share of the ranks of their sizes that earlier changes of the inputs explain, of so many samples,
 # from which large residuals are what a linear model misses; standard deviations of that by chance.
 OF_INPUT, CHANGES, DEVIATIONS = 0.05, 16, 4.0
-# A difference of BIC, not divided by the samples, that is very strong evidence (Kass & Raftery
-# 1995), the share of the power of the response to the inputs that a filter leaves at least, or the
-# drift has of an output, and the logarithm by which held-out samples may be simulated worse.
-VERY_STRONG, HALF, MOST_WORSE = 10.0, 0.5, 0.01
+# The share of the power of the response to the inputs that a filter leaves at least, or the drift
+# has of an output, and the logarithm by which held-out samples may be simulated worse.
+HALF, MOST_WORSE = 0.5, 0.01
 # Orders na, nb and nf of the models whose simulations are scored, nb and nf of each input.
 PROBES = ((2, 3, 0), (6, 7, 0), (0, 2, 2), (0, 4, 4))
 # Halves and interleaved blocks, as (folds, blocks of each), and samples that a block has at least.
