@@ -357,7 +357,8 @@ class StateSpaceModel:
 
         ``Level``, which ``idss`` does not have, stands beside them.
         """
-        return dict(zip("ABCDK", self._parts, strict=False)) | {
+        matrices = {"A": self.A, "B": self.B, "C": self.C, "D": self.D, "K": self.K}
+        return matrices | {
             "Ts": np.array(1.0 / self.sampling_rate),
             "NoiseVariance": self.noise_covariance,
             "InputDelay": np.asarray(self.delays, dtype=float)[:, None],

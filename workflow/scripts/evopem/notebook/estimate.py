@@ -14,8 +14,6 @@ from evopem.config.constraints import Constraints
 from evopem.config.settings import OutputWeighting, ScoringWindow, SearchSettings
 from evopem.config.structures import STATE_SPACE_FORMS, check_model
 from evopem.estimation.estimate import estimate_polynomial
-from evopem.estimation.search.certificate import Target
-from evopem.estimation.search.problem import SearchResult
 from evopem.models.constraint_checks import in_plain_numbers
 from evopem.models.orders import orders_in_state_space, orders_of
 from evopem.notebook.estimate_results import PolynomialResults
@@ -43,9 +41,7 @@ def estimate(
     focus: str | int = "prediction",
     weighting: OutputWeighting = "determinant",
     constraints: Constraints | None = None,
-    earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
-    target: Target | None = None,
 ) -> PolynomialResults | StateSpaceResults:
     """Find the model of a structure and orders with the smallest prediction errors, globally.
 
@@ -78,12 +74,8 @@ def estimate(
         variances), or by its ``power`` (the sum of the relative variances).
     constraints : Constraints, optional
         What the model must meet, and priors.
-    earlier : SearchResult, optional
-        Earlier search of the same problem to combine with; as `target` of a polynomial model.
     log : callable, optional
         Receives one line a generation.
-    target : Target, optional
-        What the search is made for: it ends once it is unlikely to get so low.
 
     Returns
     -------
@@ -130,16 +122,12 @@ def estimate(
     asked = recording, structure, level, settings, constraints
     shared: Any = {"level": level, "focus": focus, "constraints": constraints}
     shared |= {"settings": settings, "log": log}
-    expert: Any = {"window": window, "earlier": earlier, "target": target}
     if structure in STATE_SPACE_FORMS:
         from evopem.estimation.state_space.estimate import estimate_state_space  # slow to load
         from evopem.notebook.state_space import StateSpaceResults
 
-        if named := [name for name, value in expert.items() if value is not None]:
-            raise ValueError(
-                f"{' and '.join(named)} cannot be given: all samples of a state-space model count,"
-                " with its initial states"
-            )
+        if window is not None:
+            raise ValueError("a window cannot be given: all samples of a state-space model count")
         of_model = orders_in_state_space(structure, orders)
         shared |= {"structure": structure, "weighting": weighting}
         delays = of_model.get("nk", 1)
@@ -149,7 +137,7 @@ def estimate(
     if structure == "armax" and not recording.has_input:
         raise ValueError("structure 'armax' needs an input; without one, use 'arma'")
     given = orders_of(structure, orders, max(len(recording.input_names), 1))
-    polynomials = estimate_polynomial(recording, given, **shared, **expert)
+    polynomials = estimate_polynomial(recording, given, window=window, **shared)
     return PolynomialResults(**vars(polynomials), asked=asked)
 
 
