@@ -154,9 +154,7 @@ def environment(escaped: bool) -> "Environment":
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    made.filters.update(
-        number=number, array=array, brackets=_brackets, plain=plain, transposed=np.transpose
-    )
+    made.filters.update(number=number, array=array, plain=plain, transposed=np.transpose)
     return made
 
 
@@ -180,10 +178,6 @@ def _lines(inner: str) -> str:
     return f"{{\n{indent(inner, '    ')}\n}}"
 
 
-def _brackets(shape: Sequence[int]) -> str:
-    return "".join(f"[{length}]" for length in shape)
-
-
 def printed(text: str) -> str:
     """A text with blanks for line breaks and whatever else is not printed."""
     return "".join(letter if letter.isprintable() else " " for letter in text)
@@ -198,12 +192,10 @@ def _context(exported: Exported) -> Context:
     model, signals, upper = exported.model, exported.signals, exported.name.upper()
     inputs, outputs = f"{upper}_INPUTS", f"{upper}_OUTPUTS"
     parts = _polynomials(model) if isinstance(model, PolynomialModel) else _state_space(model)
-    box_cox = signals.box_cox
     return {
         "version": __version__,
         "name": exported.name,
-        "source": exported.source,
-        "text": exported.text,
+        "exported": exported,
         "rate": f"{model.sampling_rate:.15g}",
         "interval": 1.0 / model.sampling_rate,
         "m": model.inputs,
@@ -211,16 +203,8 @@ def _context(exported: Exported) -> Context:
         "NY": outputs,
         "given": f"const double u[{inputs}]",
         "measured": f"const double y[{outputs}]",
-        "channels": signals,
-        "difference": signals.difference,
-        "difference_input": signals.difference_input,
-        "pole": signals.difference_pole,
-        "lost": signals.lost,
-        "trend": signals.has_trend,
-        "start": signals.start,
-        "box_cox": box_cox,
-        "logarithm": box_cox is not None and abs(box_cox) < _SMALLEST_BOX_COX,
-        "shift": signals.shift,
+        "signals": signals,
+        "logarithm": abs(signals.box_cox or 0.0) < _SMALLEST_BOX_COX,
         "preparation": _preparation(signals, model.sampling_rate),
         "simulation_fades": _fading(exported.poles),
         "prediction_fades": _fading(_poles_of_predictor(model)),
