@@ -97,7 +97,7 @@ def test_every_module_template_and_schema_is_in_the_wheel(wheel):
         if path.is_file()
     }
     schemas = {f"evopem/schemas/{path.name}" for path in SCHEMAS.iterdir()}
-    assert packed == modules | templates | schemas | {"evopem/py.typed"}
+    assert packed == modules | templates | schemas | {"evopem/py.typed", "evopem/__init__.pyi"}
 
 
 def test_the_example_of_the_readme_runs_without_any_extra(identified, tmp_path):
