@@ -31,6 +31,7 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Segment
 from evopem.validation.checks.inputs import EXCITATION_ADEQUATE
+from evopem.validation.checks.roots import DISTINCT
 from evopem.validation.held_out_tests import SIGNIFICANCE
 
 # Orders tried one after the other, as long as one of the last PATIENCE has brought something; of
@@ -138,17 +139,17 @@ def _along_path(
 
 def _needless(scorer: Scorer, known: Sequence[Candidate]) -> str:
     """Why no states are searched: the likeliest polynomials of one input lack nothing that the
-    states of the same orders could have."""
+    states of the same orders could have. Common roots say that fewer would do, which were tried."""
     polynomials = [c for c in known if c.polynomials is not None and c.orders.inputs == 1]
     if not polynomials or scorer.limits.ranges.nx is not None:
         return ""
     likeliest = min(polynomials, key=BIC)
     checks = scorer.checks(likeliest)
     is_white = checks.whiteness >= SIGNIFICANCE  # not where it is not known
-    if not (is_white and {EXCITATION_ADEQUATE}.issuperset(checks.failed)):
+    if not (is_white and {EXCITATION_ADEQUATE, DISTINCT}.issuperset(checks.failed)):
         return ""
     name = f"{likeliest.name}, the likeliest of the polynomials,"
-    return f"Not searched: {name} fails no check, that of excitation apart."
+    return f"Not searched: {name} fails no check that states would meet."
 
 
 def _by_states(
