@@ -29,7 +29,6 @@ from evopem.models.varying import (
     VaryingModel,
     all_free,
     delayed_inputs,
-    denominator_order,
     filtered,
     first_residual,
     lagged,
@@ -153,7 +152,7 @@ class VaryingProblem:
     @cached_property
     def _regressors(self) -> Array:
         """What the weights that are solved for multiply, (K, q), those of the level last."""
-        data, bounds, n = self.scheduled.data, self.scheduled.bounds, denominator_order(self.orders)
+        data, bounds, n = self.scheduled.data, self.scheduled.bounds, self.orders.poles
         past = -lagged(data.output, range(1, n + 1), bounds)
         signals = [past, delayed_inputs(self.orders, data.inputs, bounds)]
         if not self.is_output_error:
@@ -210,7 +209,7 @@ class VaryingProblem:
     @cached_property
     def _impulses(self) -> Array:
         """Impulses at the first samples of each segment: what was before it, (K, n segments)."""
-        n, stop = denominator_order(self.orders), len(self.kept)
+        n, stop = self.orders.poles, len(self.kept)
         rows = [k for first in self.bounds[:-1] for k in range(first, min(first + n, stop))]
         impulses = np.zeros((stop, len(rows)))
         impulses[rows, np.arange(len(rows))] = 1.0
@@ -228,7 +227,7 @@ class VaryingProblem:
 
     def start(self) -> Array:
         """By two stages: the errors of a long autoregression are regressors of another one."""
-        n, orders = denominator_order(self.orders), self.orders
+        n, orders = self.orders.poles, self.orders
         long = n if self.is_output_error else 2 * n + orders.nc
         arx = Orders(na=long, nb=tuple(nb + long - n for nb in orders.nb), nk=orders.nk or 0)
         problem = VaryingProblem(self.scheduled, arx, self.basis, all_free(arx, self.basis))

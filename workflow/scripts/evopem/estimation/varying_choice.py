@@ -17,7 +17,6 @@ from evopem.models.varying import (
     BasisKind,
     VaryingModel,
     all_free,
-    denominator_order,
     rows_of,
 )
 
@@ -111,7 +110,7 @@ def race(
         climbed = _lowest(_climbed(scheduled, most, nk, basis))
         if not climbed or (lowest and lowest[0].bic <= climbed[0].bic):
             break
-        lowest, most = climbed, denominator_order(climbed[0].model.orders)
+        lowest, most = climbed, climbed[0].model.orders.poles
     return [*_lowest(_descended(scheduled, *chosen[1:]) for chosen in linear), *lowest]
 
 

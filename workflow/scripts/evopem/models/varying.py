@@ -153,8 +153,8 @@ class VaryingModel:
     @cached_property
     def frozen_orders(self) -> Orders:
         """Orders of the frozen model: output error is ARMAX with C = A."""
-        orders, n = self.orders, denominator_order(self.orders)
-        nc = n if orders.nf and any(orders.nf) else orders.nc
+        orders, n = self.orders, self.orders.poles
+        nc = n if self._is_output_error else orders.nc
         return Orders(na=n, nb=orders.nb or 0, nc=nc, nk=orders.nk or 0)
 
     def frozen(self, value: float) -> PolynomialModel:
@@ -247,19 +247,14 @@ class VaryingModel:
         )
 
 
-def denominator_order(orders: Orders) -> int:
-    """Poles of the plant: na, or the order that the inputs of output error share."""
-    return max((orders.na, *orders.nf))
-
-
 def first_residual(orders: Orders) -> int:
     """First sample of a segment whose past inputs and outputs are measured."""
-    return max(orders.first_residual, denominator_order(orders))
+    return max(orders.first_residual, orders.poles)
 
 
 def rows_of(orders: Orders) -> dict[str, slice]:
     """Rows of ``a`` (F of output error), ``b``, ``c``, ``level``; ``searched`` are C, or F."""
-    ends = np.cumsum([0, denominator_order(orders), sum(orders.nb), orders.nc, 1]).tolist()
+    ends = np.cumsum([0, orders.poles, sum(orders.nb), orders.nc, 1]).tolist()
     a, b, c, level = (slice(*pair) for pair in pairwise(ends))
     return {"a": a, "b": b, "c": c, "level": level, "searched": a if any(orders.nf) else c}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol
 
@@ -94,11 +94,6 @@ class SearchDiagnostics:
         """Of a model that no search was needed for."""
         return cls(0, 0, (), 0, 0, 0, 1.0, ())
 
-    @classmethod
-    def of_descents(cls, value: float, evaluations: int, optima: int) -> SearchDiagnostics:
-        """Of descents without generations, to the lowest of some optima: nothing was confirmed."""
-        return cls(evaluations, 0, (value,), 0, optima, 0, 1.0, ((evaluations, value),))
-
     @property
     def n_restarts(self) -> int:
         """Number of independent restarts."""
@@ -114,6 +109,17 @@ class SearchResult:
     value: float
     diagnostics: SearchDiagnostics
     ends: tuple[tuple[float, Array], ...] = ()
+
+    @classmethod
+    def of_descents(
+        cls, point: Array, value: float, spent: int, optima: int, minima: Sequence[float] = ()
+    ) -> SearchResult:
+        """Of descents without generations, to the lowest of some optima; ``minima`` of restarts."""
+        minima = tuple(minima) or (value,)
+        agreeing, passed = count_confirming(minima, value), ((spent, value),)
+        return cls(
+            point, value, SearchDiagnostics(spent, 0, minima, agreeing, optima, 0, 1.0, passed)
+        )
 
 
 class BasinHopping(NamedTuple):
@@ -174,10 +180,9 @@ class SearchProgress:
 def descended(problem: Problem, point: Array) -> SearchResult:
     """One descent from a point, (n,), to the last digits, as a search of its own."""
     polished = problem.polish(point[None, :])
-    value = float(polished.values[0])
-    diagnostics = SearchDiagnostics.of_descents(value, polished.evaluations, 1)
-    diagnostics = replace(diagnostics, restart_minima=(), descents=1)
-    return SearchResult(polished.points[0], value, diagnostics)
+    given = polished.points[0], float(polished.values[0]), polished.evaluations
+    search = SearchResult.of_descents(*given, 1)
+    return replace(search, diagnostics=replace(search.diagnostics, restart_minima=(), descents=1))
 
 
 def pooled(first: SearchResult, second: SearchResult) -> SearchResult:

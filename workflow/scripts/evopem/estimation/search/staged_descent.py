@@ -12,10 +12,8 @@ from evopem.estimation.pem.derived_errors import CoordinateErrors, KStepErrors
 from evopem.estimation.pem.kernels.bfgs import Descent, descend, descend_by
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.problem import (
-    SearchDiagnostics,
     SearchResult,
     converged_values,
-    count_confirming,
     count_distinct,
     same_optimum,
 )
@@ -311,11 +309,7 @@ def multistart(errors: PredictionErrors, starts: Array, largest_value: float) ->
     minima[near] = refined.values
     best = int(np.argmin(refined.values))
     value = float(refined.values[best])
-    diagnostics = replace(
-        SearchDiagnostics.of_descents(
-            value, evaluations, count_distinct(converged_values(descents))
-        ),
-        restart_minima=tuple(minima.tolist()),
-        n_confirming=count_confirming(tuple(minima.tolist()), value),
+    optima = count_distinct(converged_values(descents))
+    return SearchResult.of_descents(
+        refined.points[best], value, evaluations, optima, minima.tolist()
     )
-    return SearchResult(refined.points[best], value, diagnostics)

@@ -21,9 +21,7 @@ from evopem.estimation.criteria import log_loss
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.search.problem import (
     Log,
-    SearchDiagnostics,
     SearchResult,
-    count_confirming,
     count_distinct,
 )
 from evopem.estimation.state_space.entry_problem import EntryProblem
@@ -315,14 +313,9 @@ def meeting(
         problem.percent(problem.projection(optimum.point).errors) for optimum in (*optima, best)
     )
     spent = sum(optimum.evaluations for optimum in (*optima, best))
-    diagnostics = replace(
-        SearchDiagnostics.of_descents(
-            value, free.search.diagnostics.evaluations + spent, count_distinct(values)
-        ),
-        restart_minima=(*values, value),
-        n_confirming=count_confirming(tuple(values), value),
-    )
-    made = described(problem, SearchResult(best.point, value, diagnostics))
+    spent += free.search.diagnostics.evaluations
+    given = best.point, value, spent, count_distinct(values), values
+    made = described(problem, SearchResult.of_descents(*given))
     names, _ = problem.active(best.point)
     return replace(
         made,

@@ -17,7 +17,7 @@ from evopem.estimation.damped_descent import Optimum, descend
 from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.search.certificate import AGREEING
 from evopem.estimation.search.memetic import memetic_search
-from evopem.estimation.search.problem import Log, SearchDiagnostics, SearchResult
+from evopem.estimation.search.problem import Log, SearchResult
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.point_model import PointModel
 from evopem.estimation.state_space.problem import (
@@ -309,9 +309,8 @@ def _polished(problem: StateSpaceProblem, starts: list[Array], spent: int) -> Se
 
 def result_of(descent: Descent, spent: int = 0, optima: int = 1) -> SearchResult:
     """The end of a descent from one point, after others that have spent evaluations."""
-    value = float(descent.values[0])
-    diagnostics = SearchDiagnostics.of_descents(value, spent + descent.evaluations, optima)
-    return SearchResult(descent.points[0], value, diagnostics)
+    given = descent.points[0], float(descent.values[0]), spent + descent.evaluations
+    return SearchResult.of_descents(*given, optima)
 
 
 def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
@@ -364,10 +363,9 @@ def lowest_of(problem: StateSpaceProblem, optima: list[Optimum]) -> SearchResult
     points = [optimum.point for optimum in optima[: problem.descended]]
     reached = problem.nearest(points, damped_descent.SWEEP_WIDTH)
     lowest = int(np.argmin(reached.values))
-    value = float(reached.values[lowest])
     spent = sum(optimum.evaluations for optimum in optima) + reached.evaluations
-    diagnostics = SearchDiagnostics.of_descents(value, spent, len(optima))
-    return SearchResult(reached.points[lowest], value, diagnostics)
+    given = reached.points[lowest], float(reached.values[lowest]), spent
+    return SearchResult.of_descents(*given, len(optima))
 
 
 def without_outliers(problem: StateSpaceProblem) -> StateSpaceErrors:
