@@ -6,10 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import pandas as pd
 
 from evopem.models.modes import Mode
-from evopem.models.parameter_covariance import NORMAL_95
 from evopem.report.numbers import (
     THIN,
     count,
@@ -21,7 +19,7 @@ from evopem.report.numbers import (
     plural,
 )
 from evopem.results.channel_labels import Channel
-from evopem.results.dataset import DatasetResults
+from evopem.results.dataset import DatasetResults, response_errors
 from evopem.validation.checks.inputs import input_rests, resting
 from evopem.validation.checks.residuals import LINEAR, white
 from evopem.validation.frequency_responses import SPEAK_AGAINST
@@ -44,9 +42,10 @@ _WORDS: dict[Answer, str] = {"good": "good for", "care": "with care for", "no": 
 # Simulation errors, percent of the output's standard deviation, up to which a simulation is good
 # and of use at all: the report shows them beside the word. From the last on, a model is of no use.
 GOOD_SIMULATION, USABLE_SIMULATION, ERROR_OF_MEAN = 30.0, 60.0, 100.0
-# Half width of a 95 % band of the gain, %, from which on it is a rough one; 95 % error of a good
-# response; and within how many half bands of their real part 95 % of circular complex errors are.
-WIDE_BAND, GOOD_RESPONSE, CIRCULAR_95 = 25.0, 30.0, math.sqrt(2.0 * math.log(20.0)) / NORMAL_95
+# Half width of a 95 % band of the gain, %, from which on it is a rough one.
+WIDE_BAND = 25.0
+# Error of a good response, %, which 95 % of responses like it stay below.
+GOOD_RESPONSE = 30.0
 BELOW_MEAN = math.nextafter(ERROR_OF_MEAN, 0.0)
 
 OF_NOISE = "of the noise filter alone, and not tested"
@@ -248,10 +247,8 @@ def _frequency_response(results: DatasetResults) -> Use:
         text = f"it {computed} no better than the mean, off by {percent(error)}"
         return _use(key, name, ("no", text), checked)
     table = results.responses[results.responses["source"] == results.model_source[0]]
-    samples, measured = validation.residual_samples, results.spectrum["frequency_hz"]
-    lowest = results.model.sampling_rate / samples if samples else measured[measured > 0.0].min()
-    bands = _bands(table, results.model.has_input * lowest)
-    half, (off, place) = float(np.max([b[0] for b in bands])), max(band[1:] for band in bands)
+    errors = response_errors(table, results.lowest_hz if results.model.has_input else 0.0)
+    half, off, place = float(np.max([e.half_band for e in errors])), *max(e[1:] for e in errors)
     least = ", of the least known pair" if len(results.pairs) > 1 else ""
     text = f"gain ±{percent(half, 2)} (95 % band, median over frequency{least})"
     if not half <= 100.0:
@@ -266,21 +263,6 @@ def _frequency_response(results: DatasetResults) -> Use:
         words = "it leaves" if results.of_responses else "simulations are off by"
         findings.append(("care", f"{words} {percent(error)}, which hides errors of the gain"))
     return _use(key, name, *findings, checked)
-
-
-def _bands(table: pd.DataFrame, lowest: float) -> list[tuple[float, float, float]]:
-    """Of each pair the median half band of ln(gain) but at 0 Hz, %, or NaN, and the error, % of the
-    response, and where most is: in a Bode diagram from a ``lowest`` frequency on, or a spectrum."""
-    bands = []
-    for _, pair in table.groupby([column for column in ("output", "input") if column in table]):
-        inside = pair[(pair["gain"] > 0) & pair["gain_lower"].notna() & (pair["frequency_hz"] > 0)]
-        half, f = np.log(inside["gain_upper"] / inside["gain_lower"]) / 2.0, inside["frequency_hz"]
-        axis, factor = (np.log(f), CIRCULAR_95) if lowest else (f, 1.0)  # a spectrum has no phase
-        power = inside["gain"] ** 2 * (f >= lowest) * (np.gradient(axis) if len(f) > 1 else 1.0)
-        errors = power * half**2
-        off = factor * math.sqrt(errors.sum() / max(power.sum(), 1e-300))
-        bands.append((100.0 * half.median(), 100.0 * off, f.iloc[errors.argmax()] if len(f) else 0))
-    return bands
 
 
 def _modes(results: DatasetResults) -> Use:

@@ -1,10 +1,11 @@
 """All results of one data set, read once for figures and report."""
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import zip_longest
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -25,6 +26,7 @@ from evopem.files.checksums import rewritten
 from evopem.files.json_form import load
 from evopem.models.mode_matching import match_modes, mode_distance
 from evopem.models.modes import Mode
+from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.setups import Setup
 from evopem.results.channel_labels import Channel, Pair
 from evopem.results.identity import check_results
@@ -53,6 +55,8 @@ ROOTS = (
 UNKNOWN = np.full((2, 2), np.nan)
 NO_SERIES = ValidationTables(*[pd.DataFrame()] * 4)
 _RESPONSE = ("gain", "gain_lower", "gain_upper", "phase_deg")
+# Within so many half bands of their real part are 95 % of complex errors whose parts are alike.
+CIRCULAR_95 = math.sqrt(2.0 * math.log(20.0)) / NORMAL_95
 
 
 @dataclass(frozen=True)
@@ -235,6 +239,14 @@ class DatasetResults:
         model = _response(table, "model", "").assign(coherence=np.nan)
         return pd.concat([model, noise.assign(coherence=np.nan), measured], ignore_index=True)
 
+    @property
+    def lowest_hz(self) -> float:
+        """That of a period as long as the longest stretch, or the lowest one of responses."""
+        longest = max((origin.samples for origin in self.model.transforms.estimation), default=0)
+        samples = min(self.validation.residual_samples, longest)
+        measured = self.spectrum["frequency_hz"]
+        return self.model.sampling_rate / samples if samples else measured[measured > 0.0].min()
+
     @cached_property
     def roots(self) -> pd.DataFrame:
         """Roots of polynomials of one input with covariances, else poles of model and predictor."""
@@ -259,6 +271,30 @@ class DatasetResults:
         ]
         columns = ["kind", "real", "imag", "radius", "variance_real", "variance_imag", "covariance"]
         return pd.DataFrame(rows, columns=columns)
+
+
+class ResponseErrors(NamedTuple):
+    """How well the response of a pair is known."""
+
+    half_band: float  # median half width of the 95 % band of the gain, %; NaN where not known
+    percent: float  # 95 % error of all of it
+    place: float  # Hz, where most of that is
+
+
+def response_errors(table: pd.DataFrame, lowest: float) -> list[ResponseErrors]:
+    """Of each pair; 0 Hz aside.  The power of errors and of the response are those in a Bode
+    diagram from a frequency on, or of a spectrum where that is 0."""
+    errors = []
+    for _, pair in table.groupby([column for column in ("output", "input") if column in table]):
+        inside = pair[(pair["gain"] > 0) & pair["gain_lower"].notna() & (pair["frequency_hz"] > 0)]
+        half, f = np.log(inside["gain_upper"] / inside["gain_lower"]) / 2.0, inside["frequency_hz"]
+        axis, factor = (np.log(f), CIRCULAR_95) if lowest else (f, 1.0)  # a spectrum has no phase
+        power = inside["gain"] ** 2 * (f >= lowest) * (np.gradient(axis) if len(f) > 1 else 1.0)
+        squares = power * half**2
+        off = factor * math.sqrt(squares.sum() / max(power.sum(), 1e-300))
+        place = f.iloc[squares.argmax()] if len(f) else 0.0
+        errors.append(ResponseErrors(100.0 * half.median(), 100.0 * off, place))
+    return errors
 
 
 def _response(table: pd.DataFrame, source: str, prefix: str) -> pd.DataFrame:
