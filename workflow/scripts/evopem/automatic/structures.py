@@ -281,7 +281,9 @@ def _by_likelihood(
     narrow in frequency, they differ by chance by far more than the models do."""
     score, likeliest = score_of(kind), min(candidates, key=BIC)
     checks = scorer.checks(likeliest)
-    may_be_worse = not checks.failed or may_be_chance(likeliest, lowest, kind)
+    # Feedback itself is what residuals depend on the input by; it is no fault of the model.
+    expected = {INDEPENDENT_OF_INPUT} if fed_back else set()
+    may_be_worse = expected.issuperset(checks.failed) or may_be_chance(likeliest, lowest, kind)
     largest = MOST_WHEN_ALL_HOLD if may_be_worse else MOST_WHEN_VALID
     if not (
         score(likeliest) / score(lowest) < largest

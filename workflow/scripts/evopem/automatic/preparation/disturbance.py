@@ -59,10 +59,10 @@ def decide_high_pass(stretches: Sequence[Segment]) -> tuple[HighPass, Decision]:
 
 
 def _behind_delays(stretches: Sequence[Segment], orders: Sequence[int]) -> list[Segment]:
-    """Stretches with the delays taken out, where one is longer than the largest ARX model is."""
+    """Stretches with the delays taken out, where one and the plant may be longer than an ARX model."""
     limits = [(0, longest_delay(stretches))] * stretches[0].inputs.shape[1]
     delays = [likely.delay for likely in likely_delays(stretches, limits)]
-    if (longest := max(delays, default=0)) <= max(_orders(stretches, orders), default=0):
+    if 2 * (longest := max(delays, default=0)) <= max(_orders(stretches, orders), default=0):
         return []
     return [_behind(s, delays) for s in stretches if s.samples > longest + MOST_DIFFERENCES]
 
