@@ -259,6 +259,17 @@ def test_a_response_behind_a_long_delay_is_not_taken_for_a_random_walk(seed):
     assert decide_high_pass([Segment(u - u.mean(), y - y.mean())])[0] == NO_FILTER
 
 
+@pytest.mark.parametrize("seed", [0, 3, 5])
+def test_a_plant_behind_a_delay_of_many_lags_is_not_taken_for_a_drift(seed):
+    """A delay of 15 samples leaves too few of 16 lags for the plant, which differences replace."""
+    u, e = np.random.default_rng(seed).standard_normal((2, 440))
+    pairs = np.exp([-0.062 + 0.139j, -0.0009 + 0.092j])
+    a = np.poly(np.concatenate([pairs, pairs.conj(), [0.945]])).real
+    b = [0.12, -0.48, 0.73, -0.5, 0.13]
+    y = lfilter(b, a, np.r_[np.zeros(15), u[:-15]]) + lfilter([0.01], a, e)
+    assert decide_high_pass([Segment(u, y - y.mean())])[0] == NO_FILTER
+
+
 def response_to_two_inputs(outputs, samples=800):
     """Two white inputs, and as many outputs that respond to both with white noise."""
     generator = np.random.default_rng(7)

@@ -267,6 +267,15 @@ def test_residuals_that_are_fed_back_to_the_input_may_depend_on_it(
     assert choice is None or "fed back" in choice[1]
 
 
+@pytest.mark.parametrize("fed_back", [True, False])
+def test_a_model_that_depends_on_its_input_by_feedback_alone_has_no_failed_check(fed_back):
+    """Under feedback noise passes through the input: models without it simulate far better."""
+    likeliest, best = candidate(12, (0.6,) * 5), candidate(8, evidence=40.0)
+    scorer = scorer_of((likeliest, best), of_all=(INDEPENDENT_OF_INPUT,))
+    choice = _by_likelihood(scorer, (likeliest, best), "simulation", best, fed_back)
+    assert (choice is not None and choice[0] is likeliest) == fed_back
+
+
 def test_a_model_that_simulates_its_own_samples_badly_is_no_choice_for_simulation():
     """Held-out samples behind known ones do not show it.  Half as large again is too much."""
     best, drifts = candidate(8), replace(candidate(8), simulation_bic=2.0 * np.log(1.51))

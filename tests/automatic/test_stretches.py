@@ -1,6 +1,7 @@
 """Stretches, folds, and one model fitted to several stretches."""
 
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from records import error_percent, output_error_record
 from scipy.optimize import approx_fprime
 from scipy.signal import lfilter
 
+from evopem.automatic.cross_validation.folds import _errors_on, decide_folds, held_out_scores
 from evopem.automatic.cross_validation.simulation import (
     errors_simulated_on,
     errors_with_levels,
@@ -33,6 +35,28 @@ def test_folds_hold_out_each_sample_once():
         assert not set(trained) & {v for s in fold.held_out for v in s.output}
         assert all(s.samples >= 5 for s in fold.training)
         assert total_samples(fold.training) + total_samples(fold.held_out) >= 90
+
+
+def test_a_rest_of_a_stretch_is_no_part_that_is_held_out():
+    """The few samples before it, fewer than the delay, tell no state: simulations of it explode."""
+    u, y, _ = output_error_record(1612)
+    stretches = [Segment(u[:272], y[:272]), Segment(u[312:], y[312:])]
+    plan = replace(decide_folds(stretches, delay=20), designs=((2, 3),))
+    held_out = []
+
+    def estimate(trainings):
+        return [fit(training, Orders(nb=2, nf=2, nk=1)).model for training in trainings]
+
+    def errors_on(model, before, stretch, absolute, bound):
+        held_out.append((before.samples, stretch.samples))
+        return _errors_on(model, before, stretch, absolute, bound)
+
+    with patch("evopem.automatic.cross_validation.folds._errors_on", errors_on):
+        held_out_scores(stretches, replace(plan, shortest=0), estimate, False)
+        assert np.min(held_out) == 10
+        held_out.clear()
+        held_out_scores(stretches, plan, estimate, False)
+    assert np.min(held_out) >= plan.shortest == 45
 
 
 @pytest.mark.parametrize("objective", ["quadratic", "absolute"])

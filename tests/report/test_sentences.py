@@ -115,7 +115,7 @@ def test_uneven_stamps_are_told(results):
 def test_filled_and_left_out_samples_are_told():
     origin = FileOrigin("a.csv", "ab" * 32, 1, "text", (1,), (2,), 900, filled=7)
     (text,) = told("gaps", [origin, replace(origin, filled=2)])
-    assert text.startswith("9 missing values were filled by cubic splines")
+    assert text.startswith("9 missing values were filled by interpolation")
     (text,) = told("gaps", [replace(origin, filled=0, segments=2, left_out=3)])
     assert text.startswith("3 samples are missing")
     assert "2 stretches" in text

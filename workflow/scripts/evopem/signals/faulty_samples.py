@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.linalg import toeplitz
 from scipy.special import chdtri
 
 from evopem.arrays import Array, Flags
@@ -27,8 +28,9 @@ LONG_STRETCH, SHORTEST_STRETCH, MOST_MISSING = 100, 50, 0.1
 """Samples between missing ones in which the initial state of a long model settles; what is used at
 least where these are too few; the largest share of samples that are not used."""
 
-LONGEST_FILLED, MOST_FILLED = 3, 0.05
-"""Missing samples in sequence that are filled at most, and their largest share of a channel."""
+LONGEST_FILLED, MOST_FILLED, FILLINGS = 3, 0.05, 3
+"""Missing samples in sequence that are filled at most, their largest share of a channel, and rounds
+of models of filled outputs."""
 
 
 def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
@@ -73,6 +75,7 @@ def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
         signals = _filled(signals, missing, short)
         inputs, outputs = np.split(signals, [recording.inputs.shape[1]], axis=1)
         whole = replace(whole, inputs=inputs, outputs=outputs)
+        whole = replace(whole, outputs=_predicted(whole, short[:, inputs.shape[1] :]))
     return recording.with_segments([whole.between(*gap) for gap in ranges]), filled
 
 
@@ -182,11 +185,16 @@ class _Arx(NamedTuple):
         return np.concatenate([np.zeros(self.lags), errors / self.scale])
 
 
+def _lags_for(parts: Sequence[Part]) -> int:
+    """The lags of an ARX model that the samples carry."""
+    samples = sum(len(y) for _, y in parts)
+    return min(MOST_LAGS, samples // (SAMPLES_PER_COEFFICIENT * (parts[0][0].shape[1] + 1)))
+
+
 def _replacements(parts: Sequence[Part]) -> list[tuple[Array, Flags]]:
     """The output of each part with replaced samples, and which these are."""
     kept = [(y, np.zeros(len(y), bool)) for _, y in parts]
-    samples = sum(len(y) for _, y in parts)
-    lags = min(MOST_LAGS, samples // (SAMPLES_PER_COEFFICIENT * (parts[0][0].shape[1] + 1)))
+    samples, lags = sum(len(y) for _, y in parts), _lags_for(parts)
     long = [k for k, (_, y) in enumerate(parts) if len(y) > 2 * lags]
     if lags < 1 or not long:
         return kept
@@ -213,6 +221,35 @@ def _replacements(parts: Sequence[Part]) -> list[tuple[Array, Flags]]:
     for k, (_, y), (wrong, *_) in zip(long, current, judged, strict=True):
         kept[k] = np.where(wrong, y, parts[k][1]), wrong
     return kept
+
+
+def _predicted(segment: Segment, gaps: Flags) -> Array:
+    """Outputs, (N, l), in whose filled gaps an ARX model has the smallest errors: a spline knows
+    nothing of inputs and vibrations.  The model is estimated from what is filled, and so on."""
+    outputs = segment.outputs.copy()
+    for group in _pieces([replace(segment, outputs=outputs)]):
+        for channel, flags in enumerate(gaps.T):
+            parts = [(segment.inputs[a:b], outputs[a:b, channel]) for _, a, b in group]
+            masks, lags = [flags[a:b] for _, a, b in group], _lags_for(parts)
+            long = [(p, m) for p, m in zip(parts, masks, strict=True) if len(m) > 2 * lags]
+            for _ in range(FILLINGS if lags and any(m.any() for _, m in long) else 0):
+                model = _arx([part for part, _ in long], lags, WEIGHTINGS)
+                for part, mask in long:
+                    _fill(part, mask, model)
+    return outputs
+
+
+def _fill(part: Part, gaps: Flags, model: _Arx) -> None:
+    """Put into gaps with neighbours on both sides, in place, what makes the errors smallest."""
+    y, lags, errors = part[1], model.lags, model.residuals(part) * model.scale
+    a = np.concatenate([[1.0], -model.coefficients[:lags]])
+    for first, stop in runs_of(gaps):
+        end = min(stop + lags, len(y))
+        if first >= lags and end > stop:
+            effects = toeplitz(np.pad(a, (0, stop - first))[: end - first], np.zeros(stop - first))
+            step = np.linalg.lstsq(effects, -errors[first:end], rcond=None)[0]
+            y[first:stop] += step
+            errors[first:end] += effects @ step
 
 
 def _regressors(part: Part, lags: int) -> Array:

@@ -175,6 +175,7 @@ class FoldPlan:
     repetition: Repetition  # how many of the samples are independent
     by_energy: bool = False  # whether the folds divide the energy of the response to a single blow
     late_response: int = 0  # coefficients of a response that comes back far after its beginning
+    shortest: float = SHORTEST_BLOCK  # samples of a block, and before it, at least
 
     def least_training(self, samples: int) -> int:
         """Samples of the smallest training part of all folds, about."""
@@ -253,7 +254,8 @@ def decide_folds(stretches: Sequence[Segment], delay: int = 0) -> FoldPlan:
         "share of a held-out part's input spectrum outside that of the training part",
         sentence,
     )
-    return FoldPlan(tuple(kept), about, decide_repetition(stretches), bool(of_response), late)
+    repetition = decide_repetition(stretches)
+    return FoldPlan(tuple(kept), about, repetition, bool(of_response), late, shortest)
 
 
 def _response_edges(stretches: Sequence[Segment], count: int) -> tuple[int, ...] | None:
@@ -292,6 +294,9 @@ def held_out_scores(
         for fold in folds:
             parts = list(zip(fold.before, fold.held_out, strict=True))
             parts = [part for part in parts if part[0].samples or not has_past]
+            # A rest of a stretch tells little, and fewer samples before than a delay no state.
+            long = [part for part in parts if min(s.samples for s in part) >= plan.shortest]
+            parts = long or parts
             scored += [parts] if parts else []
             training += [fold.training] if parts else []
         designs.append(scored)
