@@ -59,7 +59,7 @@ def decide_high_pass(stretches: Sequence[Segment]) -> tuple[HighPass, Decision]:
 
 
 def _behind_delays(stretches: Sequence[Segment], orders: Sequence[int]) -> list[Segment]:
-    """Stretches with the delays taken out, where one and the plant may be longer than an ARX model."""
+    """Stretches with the delays taken out, where one fills half of the lags of an ARX model."""
     limits = [(0, longest_delay(stretches))] * stretches[0].inputs.shape[1]
     delays = [likely.delay for likely in likely_delays(stretches, limits)]
     if 2 * (longest := max(delays, default=0)) <= max(_orders(stretches, orders), default=0):
