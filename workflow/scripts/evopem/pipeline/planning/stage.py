@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal
 
@@ -76,10 +77,7 @@ class StageJob:
 
 def attribute(settings: DatasetSettings, path: str) -> Any:
     """An attribute of settings by its path, such as ``source.files``; themselves for none."""
-    value: Any = settings
-    for name in filter(None, path.split(".")):
-        value = getattr(value, name)
-    return value
+    return attrgetter(path)(settings) if path else settings
 
 
 def holds(condition: str, settings: DatasetSettings) -> bool:
