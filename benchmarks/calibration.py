@@ -633,7 +633,7 @@ def main() -> None:
     if arguments.no_evidence:
         return
     channels, title = " of one input and one output" if arguments.single else "", ""
-    if arguments.first >= SEVERAL:
+    if arguments.first in SEVERAL:
         channels, title = " of several channels, or of outputs alone,", ", several channels"
     write_section(
         "calibration",

@@ -1,8 +1,8 @@
 """Random linear systems and recordings of them, with everything that goes wrong when measuring.
 
 A case is drawn from its number alone. It is wide on purpose: more structures, orders, delays,
-lengths, inputs and faults than any rule of the package was made with. Those from number 5000 on
-have several channels, or no input, and are short.
+lengths, inputs and faults than any rule of the package was made with. Those from number 5000 to
+9999 have several channels, or no input, and are short.
 """
 
 from __future__ import annotations
@@ -23,9 +23,10 @@ Random = np.random.Generator
 STRUCTURES = ("fir", "arx", "armax", "ararx", "oe", "bj", "state space")
 INPUTS = ("white", "coloured", "PRBS", "multisine", "swept", "steps", "feedback")
 OUTSIDE = ("drifting", "switching", "nonlinear", "unrelated")
-# First number of the cases of several channels or without an input, their structures, and the share
+# Numbers of the cases of several channels or without an input, their structures, and the share
 # without an input, as of an operational modal analysis.
-SEVERAL, SEVERAL_STRUCTURES, SHARE_WITHOUT_INPUT = 5000, ("arx", "armax", "oe", "bj"), 0.55
+SEVERAL, SHARE_WITHOUT_INPUT = range(5000, 10_000), 0.55
+SEVERAL_STRUCTURES = ("arx", "armax", "oe", "bj")
 WARM_UP = 2000
 NOISE_LAGS = 30  # of the autoregression that describes the noise
 
@@ -510,7 +511,7 @@ def _faster(a: Array, factor: float) -> Array:
 def draw_case(number: int) -> Case:
     """The case of a number."""
     g = np.random.default_rng(np.random.SeedSequence(20, spawn_key=(number,)))
-    if number >= SEVERAL:
+    if number in SEVERAL:
         return _several_channels(g, number)
     outside = str(g.choice(OUTSIDE)) if g.random() < 0.2 else ""
     structure, kind = str(g.choice(STRUCTURES)), str(g.choice(INPUTS))
