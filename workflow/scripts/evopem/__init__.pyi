@@ -9,9 +9,7 @@ from evopem.errors import InputError as InputError
 from evopem.estimation.delays import estimate_delays as estimate_delays
 from evopem.estimation.model_record import load_model as load  # noqa: F401
 from evopem.estimation.polynomial_estimate import PolynomialEstimate as PolynomialEstimate
-from evopem.estimation.state_space.local_estimates import (
-    StateSpaceEstimate as StateSpaceEstimate,
-)
+from evopem.estimation.state_space.local_estimates import StateSpaceEstimate as StateSpaceEstimate
 from evopem.exports.c_code import export_c as export_c
 from evopem.exports.fmu import export_fmu as export_fmu
 from evopem.models.continuous import ContinuousModel as ContinuousModel

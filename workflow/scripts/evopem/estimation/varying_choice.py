@@ -11,14 +11,7 @@ from evopem.arrays import Array, Flags, Indices
 from evopem.estimation.continuous import gram_triangle
 from evopem.estimation.varying import Scheduled, VaryingEstimate, VaryingProblem, fit_varying
 from evopem.models.orders import Orders
-from evopem.models.varying import (
-    KINDS,
-    Basis,
-    BasisKind,
-    VaryingModel,
-    all_free,
-    rows_of,
-)
+from evopem.models.varying import KINDS, Basis, BasisKind, VaryingModel, all_free, rows_of
 
 DIMENSIONS = (2, 3, 4, 5, 6, 8, 10)
 # Samples for each weight below which there is no such model.

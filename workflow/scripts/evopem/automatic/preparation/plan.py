@@ -18,11 +18,7 @@ from evopem.automatic.preparation.decimation import (
     decide_decimation,
     decimated_stretch,
 )
-from evopem.automatic.preparation.disturbance import (
-    decide_high_pass,
-    decide_objective,
-    passed,
-)
+from evopem.automatic.preparation.disturbance import decide_high_pass, decide_objective, passed
 from evopem.automatic.preparation.wrong_samples import (
     decide_clipping,
     decide_starts,

@@ -19,11 +19,7 @@ from evopem.config.structures import check_model, samples_ahead
 from evopem.errors import InputError, LostModelError, NoModelError
 from evopem.estimation.criteria import log_loss
 from evopem.estimation.polynomial_estimate import ConstraintEffect
-from evopem.estimation.search.problem import (
-    Log,
-    SearchResult,
-    count_distinct,
-)
+from evopem.estimation.search.problem import Log, SearchResult, count_distinct
 from evopem.estimation.state_space.entry_problem import EntryProblem
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.local_estimates import (

@@ -7,13 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from evopem.errors import InputError
-from evopem.signals.readers.open_file import (
-    Channel,
-    Contents,
-    Properties,
-    library,
-    refusing_damage,
-)
+from evopem.signals.readers.open_file import Channel, Contents, Properties, library, refusing_damage
 from evopem.signals.time_units import seconds_of
 
 

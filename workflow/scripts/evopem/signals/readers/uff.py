@@ -9,13 +9,7 @@ import numpy as np
 
 from evopem.arrays import Array, Complex
 from evopem.errors import InputError
-from evopem.signals.readers.open_file import (
-    Channel,
-    Contents,
-    Properties,
-    library,
-    refusing_damage,
-)
+from evopem.signals.readers.open_file import Channel, Contents, Properties, library, refusing_damage
 from evopem.signals.timestamps import timing
 
 _NAME_FIELDS = ("id1", "id2", "id3", "id4", "id5", "rsp_ent_name", "ordinate_axis_lab")
