@@ -61,6 +61,8 @@ def scorer_of(candidates, failed=None, of_all=()):
     return SimpleNamespace(
         independent_samples=SAMPLES,
         checks=lambda each: checks[id(each)],
+        known=lambda each: each,
+        with_own_scores=lambda each: each,
         stretches=[Segment(np.ones(SAMPLES), np.random.default_rng(1).standard_normal(SAMPLES))],
         absolute=False,
         penalty=lambda _: 0.0,
@@ -265,6 +267,27 @@ def test_residuals_that_are_fed_back_to_the_input_may_depend_on_it(
     choice = _by_likelihood(scorer, (likeliest, best), "simulation", best, fed_back)
     assert (choice is not None and choice[0] is likeliest) == is_taken
     assert choice is None or "fed back" in choice[1]
+
+
+def test_a_likely_model_inside_the_stability_bound_takes_the_place_of_one_at_it():
+    at_bound, inside, best = candidate(12), candidate(10, evidence=3.0), candidate(8, evidence=40.0)
+    scorer = scorer_of((at_bound, inside, best))
+    scorer.checks = lambda each: SimpleNamespace(
+        failed=(INSIDE_BOUND,) if each is at_bound else (), whiteness=0.5
+    )
+    choice = _by_likelihood(scorer, (at_bound, inside, best), "simulation", best, False)
+    assert choice is not None
+    assert choice[0] is inside
+
+
+def test_the_likeliest_model_is_scored_before_it_is_left_for_its_score():
+    likeliest, best = candidate(12), candidate(8, evidence=40.0)
+    unscored = replace(likeliest, scores=HeldOutScores())
+    scorer = scorer_of((likeliest, unscored, best))
+    scorer.with_own_scores = scorer.known = lambda each: likeliest if each is unscored else each
+    choice = _by_likelihood(scorer, (unscored, best), "simulation", best, False)
+    assert choice is not None
+    assert choice[0] is likeliest
 
 
 @pytest.mark.parametrize("fed_back", [True, False])

@@ -279,22 +279,23 @@ def _by_likelihood(
     likelihood is efficient where the residuals are white and independent of the input, and unbiased
     where the input depends on them.  Simulation errors contain the noise as a whole; where it is
     narrow in frequency, they differ by chance by far more than the models do."""
-    score, likeliest = score_of(kind), min(candidates, key=BIC)
-    checks = scorer.checks(likeliest)
+    score, near = score_of(kind), _without_evidence(scorer, candidates, BIC)
+    # Of a root at the bound the largest likelihood is no inner one.
+    inside = [c for c in near if INSIDE_BOUND not in scorer.checks(c).failed]
+    if not inside:
+        return None
+    likeliest = min(inside, key=BIC)
+    checks, likeliest = scorer.checks(likeliest), scorer.with_own_scores(likeliest)
+    near = list(map(scorer.known, inside))
     # Feedback itself is what residuals depend on the input by; it is no fault of the model.
     expected = {INDEPENDENT_OF_INPUT} if fed_back else set()
     may_be_worse = expected.issuperset(checks.failed) or may_be_chance(likeliest, lowest, kind)
     largest = MOST_WHEN_ALL_HOLD if may_be_worse else MOST_WHEN_VALID
-    if not (
-        score(likeliest) / score(lowest) < largest
-        and checks.whiteness >= BY_CHANCE
-        and INSIDE_BOUND not in checks.failed
-    ):
+    if not (score(likeliest) / score(lowest) < largest and checks.whiteness >= BY_CHANCE):
         return None
     independent = INDEPENDENT_OF_INPUT not in checks.failed
     if not (independent or fed_back):
         return None
-    near = _without_evidence(scorer, candidates, BIC)
     best = min(near, key=score)
     equal = [candidate for candidate in near if as_good(candidate, best, kind)]
     chosen = _smallest(scorer, equal, BIC)
