@@ -114,9 +114,7 @@ class Polynomials:
         return self.covariance.standard_errors(np.eye(self.orders.parameters))
 
     def delayed_b(self, place: int = 0) -> Array:
-        """B of an input with its leading zeros, (nk + nb,); one zero without an input."""
-        if not self.has_input:
-            return np.zeros(1)
+        """B of an input with its leading zeros, (nk + nb,)."""
         return np.concatenate([np.zeros(self.nk[place]), self.B[place]])
 
     @property

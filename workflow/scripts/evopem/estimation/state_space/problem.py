@@ -104,10 +104,6 @@ class StateSpaceProblem(ErrorProblem):
         """Whether a descent may end there."""
         return self.plain.stable(projection)
 
-    def moved(self, point: Array, step: Array) -> Array:
-        """A point after a step within the radius."""
-        return self.plain.moved(point, step)
-
     def scaled(self, point: Array) -> ScaledModel:
         """The model of a point."""
         return PointModel(self.plain, self.projection(point))
