@@ -3,9 +3,9 @@
     PYTHONPATH=workflow/scripts python benchmarks/public_recordings.py --data FOLDER [--only NAME]
     PYTHONPATH=workflow/scripts python benchmarks/public_recordings.py --data FOLDER --set second
 
-``recordings_of_others.py`` and its later parts, ``recordings_of_others_later.py`` and
-``recordings_of_others_latest.py``, say where the recordings come from and how each is split.  One
-that is missing is left out, with a message.
+``recordings_of_others.py`` and its later parts, ``recordings_of_others_later.py``,
+``recordings_of_others_latest.py`` and ``recordings_of_others_newest.py``, say where the recordings
+come from and how each is split.  One that is missing is left out, with a message.
 
 Only input, output and rate are given.  Errors are ``100 ||y - yhat|| / ||y - mean(y)||`` of
 simulations of validation samples, from the initial state that their first tenth determines; those
@@ -26,6 +26,7 @@ from evidence import write_section
 from recordings_of_others import Record, reserved, second, seen, third
 from recordings_of_others_later import fifth, fourth, sixth
 from recordings_of_others_latest import eighth, ninth, seventh, tenth
+from recordings_of_others_newest import eleventh
 
 import evopem
 from evopem.automatic.cross_validation.simulation import errors_simulated_on
@@ -47,6 +48,7 @@ SETS: dict[str, tuple[Callable[[Path], Iterator[Record]], str, str]] = {
     "eighth": (eighth, ", eighth set", f"{UNSEEN} 1.10 times and 2.1 (01b18d10)"),
     "ninth": (ninth, ", ninth set", f"{UNSEEN} 1.05 times and 1.7 (da10a2ca)"),
     "tenth": (tenth, ", tenth set", "None was in view when any rule was made"),
+    "eleventh": (eleventh, ", eleventh set", "None was in view when any rule was made"),
 }
 
 
