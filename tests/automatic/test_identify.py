@@ -71,7 +71,7 @@ def test_a_model_of_another_purpose_that_is_not_found_ends_no_identification(mon
     u, y, _ = output_error_record(200)
     found = evopem.identify(u, y, 10.0, structure="oe", show_progress=False)
     other = load(ModelRecord, found.files.other_model("prediction"))
-    assert purposes == ["simulation", "prediction"]
+    assert purposes == ["simulation", "prediction", "modes"]
     assert other.text == found.results.model.text
 
 

@@ -98,7 +98,7 @@ def test_a_model_for_another_purpose_gives_up_constraints_alone(clipped, monkeyp
     job = next(each for each in jobs(settings_of("pump.csv"), clipped) if "model" in each.name)
     if key.startswith("constraints"):
         job.run()
-        assert len(fits) == 3
+        assert len(fits) == 4  # the likeliest model is a third one
     else:
         with pytest.raises(InputError, match=key):
             job.run()

@@ -127,44 +127,8 @@ def test_recurrence_is_the_share_of_models_that_have_the_mode():
     table = table_of_models([OrderModel.of(1, 0.0, first_order), chosen, *others], 3)
     (found,) = (each for each in table.modes if each.order == 3)
     assert (found.recurrence, found.orders) == (0.5, (3, 4, 7))
-    assert not found.elsewhere  # in one of three
     alone = table_of_models([OrderModel.of(1, 0.0, first_order), chosen], 3)
     assert np.isnan(alone.modes[0].recurrence)
-
-
-@pytest.mark.parametrize(
-    ("others", "elsewhere"),
-    [
-        ([(11.0, 0.02)], True),
-        ([(10.0, 0.06)], True),
-        ([(10.3, 0.02)], False),  # within twice the tolerance
-        ([(13.0, 0.02)], False),  # may be any mode
-        ([(11.0, 0.02), (10.1, 0.02)], False),
-        ([(11.0, 0.02), (10.1, 0.02), (10.0, 0.06)], True),
-        ([(9.1, 0.02)], False),  # the other mode of the model
-    ],
-)
-def test_a_mode_is_elsewhere_where_most_models_have_another_estimate_of_it(others, elsewhere):
-    models = [
-        OrderModel.of(
-            order,
-            0.0,
-            PolynomialModel(
-                np.ones(1), np.ones(1), F=np.convolve(f, [1.0, -0.2]), sampling_rate=RATE
-            ),
-        )
-        for order, f in enumerate(
-            [
-                np.convolve(factor(pole(10.0, 0.02)), factor(pole(9.1, 0.02))),
-                *(np.convolve(factor(pole(*mode)), np.poly([0.1, -0.1, 0.3])) for mode in others),
-            ],
-            5,
-        )
-    ]
-    rows = table_of_models(models, 5).modes
-    judged = next(row for row in rows if row.order == 5 and row.mode.frequency_hz > 9.5)
-    assert judged.compared == len(others)
-    assert judged.elsewhere is elsewhere
 
 
 def test_lower_orders_that_have_a_mode_speak_for_it():
@@ -264,7 +228,6 @@ def test_a_mode_that_the_input_drives_clearly_needs_few_other_orders(
         return ("other orders" in said) + ("there is no larger one" in said)
 
     assert said_of(alone) == doubted
-    assert said_of(replace(alone, elsewhere=True)) == (recurrence < 0.75) + (not confirmed)
 
 
 @pytest.mark.parametrize(("noise", "confirmed"), [(0.01, True), (40.0, False)])

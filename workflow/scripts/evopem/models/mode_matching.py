@@ -207,34 +207,11 @@ def _loss_by_noise(mode: Mode) -> float:
     return 1.0 - mode.shape_assurance if math.isfinite(mode.shape_assurance) else 0.0
 
 
-def lacks_mode(model: OrderModel, mode: Mode, group: Mapping[int, int]) -> bool:
-    """Whether a model has neither a mode nor another one that may be it, by its frequency."""
+def may_be(mode: Mode, modes: Sequence[Mode]) -> bool:
+    """Whether a mode may be one of others, by its frequency."""
     width = max(SAME_FREQUENCY, mode.damping_ratio) * mode.frequency_hz
     width = max(width, STANDARD_ERRORS * np.nan_to_num(mode.frequency_se_hz, posinf=0.0))
-    near = (abs(candidate.frequency_hz - mode.frequency_hz) <= width for candidate in model.modes)
-    return model.order not in group and not any(near)
-
-
-def lies_elsewhere(
-    model: OrderModel,
-    group: Mapping[int, int],
-    groups: Sequence[Mapping[int, int]],
-    others: Sequence[OrderModel],
-) -> bool:
-    """Whether most other models with a mode near one of a model have another estimate of it.
-
-    ``group``, one of ``groups`` of :func:`cluster_modes`: the mode.  Those that are other modes of
-    the model are not compared; models without any near it say nothing.
-    """
-    mode, limit = model.modes[group[model.order]], math.log(1.0 + SAME_MODE)
-    free = [rest for rest in groups if rest is group or model.order not in rest]
-    apart = []
-    for rival in others:
-        modes = (rival.modes[rest[rival.order]] for rest in free if rival.order in rest)
-        near = [m for m in modes if abs(math.log(m.frequency_hz / mode.frequency_hz)) <= limit]
-        if near:
-            apart.append(min(mode_distance(mode, m) for m in near) > OF_RIVAL)
-    return 2 * sum(apart) > len(apart)
+    return any(abs(known.frequency_hz - mode.frequency_hz) <= width for known in modes)
 
 
 Status = Literal["new", "frequency", "stable"]
@@ -285,18 +262,13 @@ def persistent_frequencies(poles: Sequence[PoleOfOrder]) -> list[float]:
 
     Stable poles are grouped by frequency; one that is stable at n - 1 orders was present at n.
     """
-    stable = sorted(
-        (pole for pole in poles if pole.status == "stable"), key=lambda pole: pole.frequency_hz
-    )
-    groups = [stable[:1]]
-    for lower, upper in pairwise(stable):
-        if upper.frequency_hz - lower.frequency_hz > SAME_POLES * upper.frequency_hz:
-            groups.append([])
-        groups[-1].append(upper)
+    stable = sorted((pole.frequency_hz, pole.order) for pole in poles if pole.status == "stable")
+    apart = [k for k, (a, b) in enumerate(pairwise(stable), 1) if b[0] - a[0] > SAME_POLES * b[0]]
+    groups = [stable[begin:end] for begin, end in pairwise([0, *apart, len(stable)])]
     return [
-        median(pole.frequency_hz for pole in group)
+        median(frequency for frequency, _ in group)
         for group in groups
-        if len({pole.order for pole in group}) >= PERSISTENT_ORDERS - 1
+        if len({order for _, order in group}) >= PERSISTENT_ORDERS - 1
     ]
 
 

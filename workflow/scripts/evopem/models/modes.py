@@ -287,6 +287,11 @@ def assurance(first: Complex, second: Complex) -> float:
     return float(abs(np.vdot(first, second)) ** 2 / size) if size > 0.0 else float("nan")
 
 
+def assurances(shapes: Sequence[Complex]) -> tuple[tuple[float, ...], ...]:
+    """That of each pair of shapes, to twelve decimals."""
+    return tuple(tuple(round(assurance(a, b), 12) for b in shapes) for a in shapes)
+
+
 def plane_assurance(first: Complex, second: Complex) -> float:
     """Smallest squared cosine of the principal angles of two planes of shapes, (l, 2) each.
 

@@ -116,8 +116,8 @@ def complete_model(
         save(replace(revised, search=about), files.decision("revisions"))
         known = rivals_of(scored.scorer, revised.choice, comparison)
         rivals = [scored.record.in_its_units(candidate.model) for candidate in known]
-        modes = with_spread(record.modes, [rival.modes() for rival in rivals])
-        record = replace(record, modes=modes)
+        spread = [rival.modes() for rival in rivals]
+        record = replace(record, modes=with_spread(record.modes, spread))
         for purpose in others:
             choice = comparison.choice(purpose)
             given = files, choice, scored, search, replace(settings, evaluations=0)
@@ -130,6 +130,7 @@ def complete_model(
                 if key and not key.startswith(".constraints"):
                     raise
                 for_purpose = _record_of(*given, FitSettings())[0] if key else record
+            for_purpose = replace(for_purpose, modes=with_spread(for_purpose.modes, spread))
             save(for_purpose, files.other_model(purpose))
     with one_blas_thread():
         if hold is not None:

@@ -1,15 +1,17 @@
 """Validation: residual tests, errors, evidence for each mode; tables and summary."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from evopem.automatic.candidates import StructureSearch
+from evopem.automatic.candidates import Candidate, StructureSearch
 from evopem.automatic.decision import OtherModel
 from evopem.automatic.revisions import Revised
-from evopem.automatic.structures import Comparison
+from evopem.automatic.structures import Choice, Comparison
 from evopem.automatic.varying import Varying
 from evopem.blas_threads import one_blas_thread
 from evopem.config.defaults import yaml_text
-from evopem.config.settings import DatasetSettings
+from evopem.config.settings import DatasetSettings, Purpose
 from evopem.config.structures import plant_order
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_candidate import PhaseSelection
@@ -17,6 +19,7 @@ from evopem.files.atomic import write_table, write_text
 from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save
 from evopem.models.mode_matching import OrderModel, OrderModels
+from evopem.models.states import VERY_STRONG
 from evopem.pipeline.decisions import decision_record, rows_of_phases, rows_of_structures
 from evopem.pipeline.planning.stages import results_of
 from evopem.report.verdict_file import verdict_file
@@ -25,9 +28,10 @@ from evopem.results.fleet import summarize
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import PreparedData, load_prepared
 from evopem.signals.recording_info import RecordingInfo
-from evopem.validation.mode_evidence import with_noise_modes
+from evopem.validation.likely_models import beside_rival
+from evopem.validation.mode_evidence import ModeTable, with_noise_modes
 from evopem.validation.responses import held_out_stretches
-from evopem.validation.validate import validate, validation_errors
+from evopem.validation.validate import modes_of, validate, validation_errors
 
 
 def complete_results(
@@ -36,14 +40,14 @@ def complete_results(
     phases: tuple[str, ...],
     structures: tuple[str, ...],
     phase: str | None,
-    others: tuple[str, ...],
+    others: tuple[Purpose, ...],
 ) -> None:
     """Validate the model, and write what is known of the data set: tables, decisions, summary.
 
     ``phases`` and ``structures`` that were searched; ``phase``: the one over whose models the modes
     are compared, None for the automatic recipe, where these are the models of all orders of the
-    chosen structure, and without any structure for a model alone; ``others``: the purpose whose
-    model is kept beside the chosen one, or none.
+    chosen structure, and without any structure for a model alone; ``others``: the purposes whose
+    models are kept beside the chosen one, or none.
     """
     record, info = load(ModelRecord, files.model), load(RecordingInfo, files.recording_info)
     prepared = load_prepared(files.prepared, files.transforms)
@@ -51,11 +55,13 @@ def complete_results(
     searches = [load(StructureSearch, files.search(structure)) for structure in structures]
     varying = load(Varying, files.varying) if settings.varying else None
     revised, all_decisions = None, None
+    fit_level = record.level_of_simulation == "state"
     if phase is not None:
         order, models = _of_phase(record, selections[phase])
         rows = rows_of_phases(selections.values())
     elif not structures:
-        order, models, rows = record.plant_states, {}, [{"model": record.text, "bic": record.bic}]
+        order, rows = record.plant_states, [{"model": record.text, "bic": record.bic}]
+        models = _among({}, order, record)
     else:
         comparison = load(Comparison, files.decision("comparison"))
         revised = load(Revised, files.decision("revisions"))
@@ -63,22 +69,18 @@ def complete_results(
         other_model = _errors_of_other(files, prepared, others[0]) if others else None
         all_decisions = decision_record(files, prepared, searches, comparison, revised, other_model)
         save(all_decisions, files.decisions)
-        path, order = files.models_of_orders(choice.candidate.structure), choice.candidate.order
-        order_models = load(OrderModels, path).models if Path(path).exists() else ()
-        models = {model.order: model for model in order_models}
-    model = record.model if record.orders is not None else record.plant
-    models[order] = OrderModel.of(order, record.bic, model, record.modes)
+        order, models = choice.candidate.order, _of_orders(files, choice.candidate, record)
     with one_blas_thread():
         validation, tables = validate(
-            record.model,
-            prepared,
-            record.search.settings.objective,
-            [models[model] for model in sorted(models)],
-            order,
-            settings.spectrum,
-            fit_level=record.level_of_simulation == "state",
+            *(record.model, prepared, record.search.settings.objective),
+            *(models, order, settings.spectrum),
+            fit_level=fit_level,
             tests=varying.tests if varying else None,
         )
+        if revised is not None:
+            choices = [choice, *map(comparison.choice, others)]
+            modes = _beside_rivals(validation.modes, files, prepared, choices, fit_level)
+            validation = replace(validation, modes=modes)
     save(validation, files.validation)
     write_table(files.candidates, {name: [row[name] for row in rows] for name in rows[0]})
     modes = with_noise_modes(validation.modes, record.noise_modes, len(record.input_names))
@@ -107,7 +109,42 @@ def _errors_of_other(files: DatasetFiles, prepared: PreparedData, purpose: str) 
         return OtherModel(purpose, record.text, *validation_errors(held_out, fitted_level))
 
 
-def _of_phase(record: ModelRecord, selection: PhaseSelection) -> tuple[int, dict[int, OrderModel]]:
+def _of_orders(files: DatasetFiles, chosen: Candidate, record: ModelRecord) -> list[OrderModel]:
+    """A model among those of all orders of its structure."""
+    path = files.models_of_orders(chosen.structure)
+    known = load(OrderModels, path).models if Path(path).exists() else ()
+    return _among({model.order: model for model in known}, chosen.order, record)
+
+
+def _among(models: dict[int, OrderModel], order: int, record: ModelRecord) -> list[OrderModel]:
+    model = record.model if record.orders is not None else record.plant
+    models[order] = OrderModel.of(order, record.bic, model, record.modes)
+    return [models[order] for order in sorted(models)]
+
+
+def _beside_rivals(
+    table: ModeTable,
+    files: DatasetFiles,
+    prepared: PreparedData,
+    choices: Sequence[Choice],
+    fit_level: bool,
+) -> ModeTable:
+    """The modes of the first choice beside those of models for other purposes; poles are none
+    beside a finite response that is far likelier."""
+    chosen = choices[0].candidate
+    for choice in {rival.candidate.name: rival for rival in reversed(choices)}.values():
+        rival = choice.candidate
+        gain = prepared.estimation.samples * (chosen.bic - rival.bic)
+        may_add = rival.has_poles and (chosen.has_poles or gain > -VERY_STRONG)
+        if may_add and rival.name != chosen.name:
+            record = load(ModelRecord, files.other_model(choice.purpose))
+            models = _of_orders(files, rival, record)
+            beside = modes_of(models, rival.order, prepared, fit_level)
+            table = beside_rival(table, beside, record.text, gain)
+    return table
+
+
+def _of_phase(record: ModelRecord, selection: PhaseSelection) -> tuple[int, list[OrderModel]]:
     """The plant order of the model, and the likeliest model of each plant order of a phase."""
     name = plant_order(record.structure)
     best: dict[int, OrderModel] = {}
@@ -115,4 +152,5 @@ def _of_phase(record: ModelRecord, selection: PhaseSelection) -> tuple[int, dict
         order = getattr(candidate.orders.single, name)
         if order not in best or candidate.criteria.bic < best[order].bic:
             best[order] = OrderModel.of(order, candidate.criteria.bic, candidate.model)
-    return getattr(record.polynomials.orders.single, name), best
+    order = getattr(record.polynomials.orders.single, name)
+    return order, _among(best, order, record)

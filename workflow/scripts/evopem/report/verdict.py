@@ -351,8 +351,8 @@ def _line(results: DatasetResults, evidence: ModeEvidence) -> ModeLine:
         seen = f"seen at {_strongest(results.outputs, shares)}"
         is_seen = shares.max() >= NEGLIGIBLE
         words.append(seen if is_seen else f"below {least} of the energy of every output")
-    if evidence.order != results.validation.modes.order:
-        words.append(f"of the model of order {evidence.order}")
+    if evidence.model or evidence.order != results.validation.modes.order:
+        words.append(f"of {evidence.model or f'the model of order {evidence.order}'}")
     if not reasons and is_number(evidence.recurrence):
         share = fixed(100 * evidence.recurrence, 0)
         words.append(f"{share}{THIN}% of the other orders with enough poles have it")

@@ -17,11 +17,10 @@ from evopem.models.mode_matching import (
     OrderModel,
     PoleOfOrder,
     cluster_modes,
-    lacks_mode,
-    lies_elsewhere,
+    may_be,
     stabilization,
 )
-from evopem.models.modes import Mode, assurance
+from evopem.models.modes import Mode, assurances
 from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.response_tables import Column, shaped_modes_table
 from evopem.signals.recording import Recording
@@ -83,10 +82,10 @@ class ModeEvidence:
     shape_doubt: str = ""  # reason not to trust its shape, see :func:`shape_doubt`
     compared: int = 0  # number of orders that the recurrence is a share of
     confirmed: bool = True  # whether there are larger orders, or the largest ones have it alike
-    elsewhere: bool = False  # whether most models that have one near it have it elsewhere
     # Of a shape that is doubted: the row of the table with the neighbour whose shape spans with
     # this one a plane that is known
     pair: int | None = None
+    model: str = ""  # that it is taken from, where it is another than the chosen one
 
     @property
     def has_input(self) -> bool:
@@ -140,10 +139,9 @@ class ModeTable:
         """One row for each mode and output, as ``modes.csv`` has them."""
         columns = shaped_modes_table([row.mode for row in self.modes], input_names, output_names)
         judged = [mode for mode in self.modes for _ in output_names]
+        names = ("model", "order", "recurrence", "origin")
         return columns | {
-            "order": [judged_mode.order for judged_mode in judged],
-            "recurrence": [judged_mode.recurrence for judged_mode in judged],
-            "origin": [judged_mode.origin for judged_mode in judged],
+            **{name: [getattr(row, name) for row in judged] for name in names},
             "trusted": [str(judged_mode.trusted) for judged_mode in judged],
             "doubts": ["; ".join(judged_mode.doubts) for judged_mode in judged],
             "shape_assurance": [judged_mode.mode.shape_assurance for judged_mode in judged],
@@ -193,8 +191,7 @@ def table_of_models(
     squares: dict[int, Array] = {}  # of one-step errors of each output, their means
     judged: list[ModeEvidence] = []
     row_of: dict[tuple[int, int], int] = {}
-    groups = cluster_modes({order: model.modes for order, model in by_order.items()})
-    for group in groups:
+    for group in cluster_modes({order: model.modes for order, model in by_order.items()}):
         if chosen not in group and len(group) < PERSISTENT_ORDERS:
             continue
         order = chosen if chosen in group else min(group, key=lambda order: by_order[order].bic)
@@ -206,7 +203,8 @@ def table_of_models(
             of_model[order] = max(lengths, default=math.inf), outlasting_test(records, known)
         of_mode = tests[order][group[order]]
         mode, without = nearby.modes[group[order]], None
-        lacking = [m for m in models if m.order < order and lacks_mode(m, mode, group)]
+        below = [m for m in models if m.order < order and m.order not in group]
+        lacking = [m for m in below if not may_be(mode, m.modes)]
         if lacking and math.isfinite(of_mode[1].p_value):
             best = min(lacking, key=lambda model: model.bic)
             for model in (best, nearby):
@@ -214,7 +212,7 @@ def table_of_models(
                     squares[model.order] = _mean_squares(held_out(model.model))
             without = float(np.mean(squares[best.order] / squares[order]))
         row_of |= {(order, index): len(judged) for order, index in group.items()}
-        of_group = nearby, group, groups, of_mode, by_order
+        of_group = nearby, group, of_mode, by_order
         judged.append(_judged(*of_group, *of_model[order], without, chosen))
     poles = stabilization({order: model.modes for order, model in by_order.items()}, row_of)
     trusted = [row for row in judged if row.trusted]
@@ -225,8 +223,7 @@ def table_of_models(
         if is_short(by_order[row.order].model, beside if clear else [row.mode]):
             judged[judged.index(row)] = replace(row, doubts=(FINITE,))
     rows = _with_pairs(judged, by_order, row_of)
-    shapes = [row.mode.shape for row in rows]
-    alike = tuple(tuple(round(assurance(a, b), 12) for b in shapes) for a in shapes)
+    alike = assurances([row.mode.shape for row in rows])
     return ModeTable(chosen, tuple(by_order), rows, tuple(poles), alike)
 
 
@@ -256,7 +253,6 @@ def with_noise_modes(table: ModeTable, modes: Sequence[Mode], inputs: int) -> Mo
 def _judged(
     order_model: OrderModel,
     group: Mapping[int, int],
-    groups: Sequence[Mapping[int, int]],
     tests: ModeTests,
     by_order: Mapping[int, OrderModel],
     samples: float,
@@ -271,23 +267,17 @@ def _judged(
     needed = of_noise.significant(SIGNIFICANCE)
     if needed and without is not None:
         needed = not without <= 1.0  # a smaller model may fail with errors that are not finite
-    compared = [
-        model
-        for model in by_order.values()
-        if model.order != order_model.order
-        and (model.order in group or pole_count(model.model) > 2 * len(order_model.modes))
-    ]
+    others = [m for m in by_order.values() if m is not order_model]
+    poles = 2 * len(order_model.modes)
+    compared = [m for m in others if m.order in group or pole_count(m.model) > poles]
     ending = sorted(by_order)[-PERSISTENT_ORDERS:]
     inside = len(by_order) == 1 or chosen < ending[-1]
     shared = len(group) > 1 and group.keys() >= {m.order for m in compared}
     judged = ModeEvidence(
-        mode=mode,
-        order=order_model.order,
-        orders=tuple(sorted(group)),
+        *(mode, order_model.order, tuple(sorted(group))),
         recurrence=float(np.mean([m.order in group for m in compared])) if compared else math.nan,
         compared=len(compared),
         confirmed=inside or group.keys() >= set(ending) or (shared and of_input.p_value < CERTAIN),
-        elsewhere=lies_elsewhere(order_model, group, groups, compared),
         input_test=of_input,
         reached=of_input.significant(SIGNIFICANCE) if model.inputs else False,
         needed_by_noise=needed if np.any(mode.noise_participation) else False,
@@ -323,19 +313,13 @@ def doubts(
 ) -> list[str]:
     """Reasons to doubt a mode, each a predicate such as "decays too fast to be a resonance".
 
-    A mode is trusted when there is none: it is an underdamped resonance below half the sampling
-    rate that decays within the longest stretch of ``samples``, or is reached by the inputs, clearly
-    or with a known damping; the inputs drive it or the noise model needs it on held-out samples,
-    with power to speak of; three quarters of the models of other orders have it, all of the last
-    three where the largest was chosen, or all with enough poles at a level of 1e-6, or one of these
-    and the inputs drive it clearly and most models do not have it elsewhere; and its frequency is
-    known to within 10 %, or the bandwidth.  Without an input, one of more than 3 % damping has a
-    known shape.  ``finite``: the response may be a finite one.
+    A mode is trusted when there is none.  ``samples``: of the longest stretch, within which it
+    decays unless inputs reach it, clearly or with a known damping.  ``finite``: the response may be
+    a finite one.
     """
     mode, reasons = evidence.mode, []
     driven = is_driven_clearly(evidence.input_test)
-    clear = driven and not evidence.elsewhere
-    clear &= evidence.confirmed or evidence.stable is not False
+    clear = driven and (evidence.confirmed or evidence.stable is not False)
     lasts = driven or has_known_damping(mode)
     decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
     colour = COLOUR_OF_FORCES if shape_doubt(mode) else COLOUR_OF_FORCE

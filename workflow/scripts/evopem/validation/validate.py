@@ -28,7 +28,7 @@ from evopem.validation.held_out_tests import (
     may_follow,
 )
 from evopem.validation.modal_parts import free_responses
-from evopem.validation.mode_evidence import table_of_models
+from evopem.validation.mode_evidence import ModeTable, table_of_models
 from evopem.validation.model_class import ModelClass, model_class
 from evopem.validation.residual_tests import (
     CROSS_CORRELATION_LAGS,
@@ -149,14 +149,7 @@ def validate(
         input_test=input_test,
         model_class=tests,
         resolution_hz=_resolution(prepared.estimation, spectrum),
-        modes=table_of_models(
-            *(
-                models,
-                order,
-                lambda m: held_out_stretches(m, prepared, fit_level) if unseen else (),
-            ),
-            lambda m: stretches_of(m, prepared.estimation),
-        ),
+        modes=modes_of(models, order, prepared, fit_level),
         share_of_noise=_share_left(held_out) if form.inputs else math.nan,
         distortion=distortion,
         # Under feedback the inputs follow the noise, and explain a part of it.
@@ -171,6 +164,17 @@ def validate(
         correlation_table("cross_correlation", ("output", "input"), crossed),
         simulation_table(prepared.validation, responses, recorded),
         horizon_table(validation, model.sampling_rate),
+    )
+
+
+def modes_of(
+    models: Sequence[OrderModel], order: int, prepared: PreparedData, fit_level: bool
+) -> ModeTable:
+    """The modes of models of several orders, as of :func:`validate`."""
+    unseen, known = prepared.transforms.holds_out, prepared.estimation
+    return table_of_models(
+        *(models, order, lambda m: held_out_stretches(m, prepared, fit_level) if unseen else ()),
+        lambda m: stretches_of(m, known),
     )
 
 

@@ -108,11 +108,12 @@ def _nested(job: StageJob) -> tuple[str, ...]:
 
 
 def purposes(job: StageJob) -> tuple[str, ...]:
-    """The purpose whose model is kept beside that of the configuration; none without inputs."""
+    """The purposes whose models are kept beside that of the configuration; none without inputs."""
     if not (job.settings.automatic and job.settings.channels.inputs):
         return ()
-    simulated = automatic(job).purpose in ("auto", "simulation")
-    return ("prediction" if simulated else "simulation",)
+    purpose = automatic(job).purpose
+    opposite = "prediction" if purpose in ("auto", "simulation") else "simulation"
+    return (opposite,) if purpose == "modes" else (opposite, "modes")
 
 
 def _part_count(job: StageJob) -> int:
