@@ -16,7 +16,7 @@ from evopem.automatic.orders import _paths, decide_delays, in_runs, search_struc
 from evopem.automatic.structures import _at_likely_delay
 from evopem.config.settings import OrderRanges
 from evopem.estimation import delays as estimation_delays
-from evopem.estimation.delays import delays_by_criterion, longest_delay
+from evopem.estimation.delays import delays_by_criterion, is_of_feedback, longest_delay
 from evopem.models.orders import Orders
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Segment
@@ -131,6 +131,24 @@ def test_feedback_of_white_noise_is_told_from_a_direct_response():
         choice = decide_delays([Segment(inputs, y[:, None])], list("uv")[: inputs.shape[1]])
         assert choice.shortest == 1
         assert choice.delays[-1] == 1
+
+
+@pytest.mark.parametrize(("gain", "direct", "called"), [(0.0, 0.3, {0}), (0.6, 0.0, {10, 11, 12})])
+def test_feedback_of_all_channels_is_told_from_their_direct_responses(gain, direct, called):
+    """Of 16 pairs one alone would call a direct response feedback."""
+    count = 0
+    for seed in range(12):
+        g = np.random.default_rng(seed)
+        b, loop = g.standard_normal((2, 4, 4))
+        r, e = g.standard_normal((2, 600, 4))
+        x, u, y = np.zeros((3, 600, 4))
+        for k in range(1, 600):
+            x[k] = 0.8 * x[k - 1] + u[k - 1] @ b / 4 + 0.3 * e[k - 1]
+            y[k] = x[k] + 0.5 * e[k]
+            u[k] = r[k] - gain * y[k] @ loop / 4
+            y[k] += direct * r[k] @ b / 4
+        count += is_of_feedback([Segment(u, y)])
+    assert count in called
 
 
 def test_a_direct_response_without_noise_is_not_called_feedback():

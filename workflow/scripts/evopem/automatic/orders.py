@@ -316,7 +316,7 @@ def decide_delays(
     """
     segments = first_samples(segments, MOST_SAMPLES)
     given = of_each(ranges, names, "delay.nk") if names else ()
-    shortest = int(ranges is None and is_of_feedback(segments))
+    shortest = int(bool(names) and ranges is None and is_of_feedback(segments))
     limits = [limit or (shortest, longest_delay(segments)) for limit in given]
     if all(low == high for low, high in limits):
         delays = tuple(low for low, _ in limits)

@@ -199,52 +199,45 @@ def delay_scores(
 
 
 def is_of_feedback(segments: Sequence[Segment]) -> bool:
-    """Whether feedback explains better than a delay of 0 what input and output share at once.
+    """Whether feedback explains better than a delay of 0 what inputs and outputs share at once.
 
     Both make their innovations correlated, of the same likelihood (Gevers & Anderson 1981). The
-    BIC of ARX models of both tells which of them needs less: an output behind a delay and an input
-    that knows its same sample, or other pairs; of several pairs one may do so by chance.
+    BIC of ARX models of both tells which of them needs less: outputs behind a delay and inputs that
+    know their same sample, or other pairs.  All channels have one model each way: of many pairs
+    alone, one does so by chance, and another channel acts in place of the input's own.
     """
-    inputs, outputs = segments[0].inputs.shape[1], segments[0].outputs.shape[1]
-    evidence = AS_WELL + 2.0 * math.log(max(inputs * outputs, 1))
-    for j, i in np.ndindex(outputs, inputs):
-        alone = [segment.of_output(j) for segment in segments]
-        with one_blas_thread():
-            of_output, of_input = _at_once(alone, i, inputs), _at_once(alone, inputs, i)
-        others = min(of_output[:2]) + min(of_input[1:])
-        if of_output[1] + of_input[0] + evidence < others:
-            return True
-    return False
+    pairs = [Segment(s.outputs, s.inputs, s.recording) for s in segments]
+    with one_blas_thread():
+        of_outputs, of_inputs = _at_once(segments), _at_once(pairs)
+    others = min(of_outputs[:2]) + min(of_inputs[1:])
+    return of_outputs[1] + of_inputs[0] + AS_WELL < others
 
 
-def _at_once(segments: Sequence[Segment], cause: int, effect: int) -> list[float]:
-    """Lowest BIC of ARX models of a channel, with lags of another from 0 on, from 1 on, or none.
-
-    Infinite where too few samples, or an exact model, leave no likelihood.
-    """
-    inputs = [cause, *sorted({*range(segments[0].inputs.shape[1] + 1)} - {cause, effect})]
-    parts = []
-    for segment in segments:
-        z = np.column_stack([segment.inputs, segment.outputs])
-        parts.append(Segment(z[:, inputs], z[:, [effect]], segment.recording))
+def _at_once(segments: Sequence[Segment]) -> list[float]:
+    """Lowest BIC of ARX models of the outputs, with lags of the inputs from 0 on, from 1 on, or
+    none; infinite where too few samples, or an exact model, leave no likelihood."""
     lags = max(min(max(ORDERS), max(segment.samples for segment in segments) // 2), 1)
-    problem = _Regression(parts, lags, lags)
-    n, lowest, stop = problem.count, [math.inf] * 3, problem.triangle.shape[1] - 1
+    problem = _Regression(segments, lags, lags)
+    n, lowest, ny, m = problem.count, [math.inf] * 3, problem.outputs, problem.m
+    stop = problem.triangle.shape[1] - ny
     if n < SAMPLES_PER_COEFFICIENT * problem.fewest:
         return lowest
-    exact = FLOOR * np.sum(problem.triangle[:, stop] ** 2)
+    exact = FLOOR * np.sum(problem.triangle[:, stop:] ** 2, axis=0)
     for past in (0, *problem.orders):
-        rest = chain(*(problem._columns(k, 0, past + 1) for k in range(1, problem.m)))
-        base = [*range(stop - problem.constants, stop), *range(past), *rest]
+        base = [*range(stop - problem.constants, stop), *range(past * ny)]
         for first in (0, 1):
-            columns = [*base, *problem._columns(0, first, max(problem.orders)), stop]
-            r: Array = np.asarray(np.linalg.qr(problem.triangle[:, columns], mode="r"))
-            left = np.cumsum(r[::-1, -1] ** 2)[::-1]
-            if len(left) < len(columns) or left[-1] <= exact:
+            lagged = (problem._columns(i, first, max(problem.orders)) for i in range(m))
+            columns = [*base, *chain(*zip(*lagged, strict=True))]
+            at = [*columns, *range(stop, stop + ny)]
+            rows: Array = np.asarray(np.linalg.qr(problem.triangle[:, at], mode="r"))[:, -ny:]
+            left = np.cumsum((rows[:, :, None] * rows[:, None])[::-1], axis=0)[::-1]
+            if len(left) < len(at) or np.any(np.diagonal(left[len(columns)]) <= exact):
                 return [math.inf] * 3
-            bic = n * np.log(left) + math.log(n) * np.arange(len(left))
-            lowest[first] = min(lowest[first], *bic[len(base) + 1 :])
-            lowest[2] = min(lowest[2], bic[len(base)])
+            # As many lags of each input, from none on.
+            counts = np.arange(len(base), len(columns) + 1, m)
+            sizes = np.linalg.slogdet(left[counts] + np.diag(exact))[1]
+            bic = n * sizes + math.log(n) * ny * counts
+            lowest[first], lowest[2] = min(lowest[first], *bic[1:]), min(lowest[2], bic[0])
     return lowest
 
 
