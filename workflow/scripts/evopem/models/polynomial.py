@@ -311,7 +311,8 @@ def simulated_form(model: Model) -> StateSpaceModel:
     """The plant in state space, for simulations from other states than rest; no covariance."""
     if isinstance(model, StateSpaceModel):
         return model
-    return replace(model, covariance=None).plant().state_space()
+    plain = model if model.covariance is None else replace(model, covariance=None)
+    return plain.plant().state_space()
 
 
 def model_of(orders: Orders, parameters: Array, **attributes: Any) -> PolynomialModel:

@@ -262,10 +262,12 @@ class StateSpaceModel:
         if known is None:
             columns = (free if fit_level else alone for fit_level in levels)
             return [rest + c @ fitted(c, *given, robust) for c in columns]
-        same = rest + alone @ probable(alone[:known], *given, robust, power)
+        powers, directions = np.linalg.eigh(power)
+        root = directions * np.sqrt(np.maximum(powers, 0.0))
+        same = rest + alone @ probable(alone[:known], *given, robust, root)
         if not any(levels):
             return [same] * len(levels)
-        moved = rest + free @ probable(free[:known], *given, robust, power)
+        moved = rest + free @ probable(free[:known], *given, robust, root)
         is_moved = levels_moved((y - same)[:known], (y - moved)[:known], given[1], robust)
         return [moved if fit_level and is_moved else same for fit_level in levels]
 

@@ -44,8 +44,9 @@ def fitted(
     count where later ones say nothing.
     """
     scale = 1.0 / np.where(np.isfinite(spread) & (spread > 0.0), spread, 1.0)
-    scale = np.where(np.arange(len(target)) < unknown, FAINT, 1.0)[:, None] * scale
-    rows = (columns * scale[:, :, None]).reshape(-1, columns.shape[2])
+    if unknown:
+        scale = np.where(np.arange(len(target)) < unknown, FAINT, 1.0)[:, None] * scale
+    rows = (columns * scale[..., None]).reshape(-1, columns.shape[2])
     goal = (target * scale).ravel()
     said = np.abs(rows)
     # What is left of states long after they have decayed says nothing.
@@ -69,22 +70,21 @@ def fitted(
     return np.asarray(coefficients)
 
 
-def probable(columns: Array, target: Array, spread: Array, robust: bool, moments: Array) -> Array:
+def probable(columns: Array, target: Array, spread: Array, robust: bool, root: Array) -> Array:
     """The most probable coefficients, (k,), of columns, (N, ny, k), that leave noise of a target.
 
-    The first n are normal with second moments (n, n), levels behind them with those of the target:
-    beside an integrator they would draw ramps.  The noise has the size of what :func:`fitted`
-    leaves.  Other arguments as there.
+    The first n are normal, ``root`` (n, n) of their second moments, levels behind them with those
+    of the target: beside an integrator they would draw ramps.  The noise has the size of what
+    :func:`fitted` leaves.  Other arguments as there.
     """
-    (samples, ny, count), n = columns.shape, len(moments)
+    (samples, ny, count), n = columns.shape, len(root)
     left = target - columns @ fitted(columns, target, spread)
     freedom = samples - count / ny
     squares = left**2 * samples / freedom if ny * freedom >= n else target**2
     noise = np.sqrt(np.maximum(np.mean(squares, axis=0), 1e-20 * np.mean(target**2, axis=0)))
     noise[noise == 0.0] = 1.0
-    powers, directions = np.linalg.eigh(moments)
     scaled = np.zeros((count, count))
-    scaled[:n, :n] = directions * np.sqrt(np.maximum(powers, 0.0))
+    scaled[:n, :n] = root
     np.fill_diagonal(scaled[n:, n:], np.sqrt(np.mean(target**2, axis=0)))
     return np.asarray(scaled @ fitted(columns @ scaled, target, noise, robust, np.eye(count)))
 

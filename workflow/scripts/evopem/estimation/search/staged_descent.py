@@ -195,9 +195,10 @@ def _bfgs_in_frames(
     frames = np.array([_frame(errors.curvature_root(*start)) for start in starts])
 
     def evaluate(z: Array, rows: Indices) -> tuple[Array, Array]:
-        trial = points[rows] + np.einsum("mnk,mk->mn", frames[rows], z)
+        active = frames[rows]
+        trial = points[rows] + np.einsum("mnk,mk->mn", active, z)
         values, gradients = errors.values_and_gradients(trial, smoothing[rows], barriers[rows])
-        return values, np.einsum("mnk,mn->mk", frames[rows], gradients)
+        return values, np.einsum("mnk,mn->mk", active, gradients)
 
     def identities(z: Array, rows: Indices) -> Array:
         return np.tile(np.eye(z.shape[1]), (len(rows), 1, 1))
