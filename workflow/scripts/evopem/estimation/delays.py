@@ -88,10 +88,11 @@ def delays_by_criterion(
     models of a delay have orders na of :data:`ORDERS` and nb <= na; the lowest BIC among them
     counts. The best of many delays of an input that explains nothing lowers the criterion by up to
     twice the logarithm of their number, so that much is added to all but short delays, and as much
-    for the number of those to the best. An input without which BIC is lower has the smallest delay,
-    and so have too few samples for models of order 1, whose criterion is NaN. ``limits``: delays
-    tried of each input, in samples. Returns list of (int, (M,) array): delay of each input, and the
-    lowest BIC of a sample at each of its M delays."""
+    for the number of those to the best. Where lags from the smallest on clearly explain more beside
+    those from a long delay on, short delays alone are left: nothing acts before a delay. An input
+    without which BIC is lower has the smallest delay, as have too few samples for models of order
+    1, whose criterion is NaN. ``limits``: delays tried of each input, in samples. Returns list of
+    (int, (M,) array): delay of each input, and the lowest BIC of a sample at each of its M."""
     lags = max((high for _, high in limits), default=0) + max(ORDERS)
     # As many rows as lags are left, whatever delays are asked for.
     lags = max(min(lags, max(segment.samples for segment in segments) // 2), 1)
@@ -113,6 +114,11 @@ def delays_by_criterion(
                 short = 2.0 * math.log(max(int(np.sum(~beyond)), 1)) / problem.count
                 explains = scores.min() + short < without
                 delays[j] = low + (int(np.argmax(does_as_well)) if explains else 0)
+                if delays[j] > SHORT_DELAY >= low:
+                    beside, without = problem.criteria(j, delays, low, low, beside=True)
+                    if problem.count * (without - beside[0]) > CLEAR:
+                        criteria[j] = criteria[j][: SHORT_DELAY + 1 - low]
+                        delays[j] = low + int(np.argmin(criteria[j]))
             if delays == before or len(limits) == 1:
                 break
     return list(zip(delays, criteria, strict=True))
@@ -148,6 +154,7 @@ def likely_delays(
         slow = _is_slow(segments, place)
         # Of several channels ARX models know the past of all outputs.
         doubted = not several or (slow and delays[place] > CERTAIN_DELAY)
+        high = SHORT_DELAY if several and len(criterion) == SHORT_DELAY + 1 - low else high
         if doubted:
             scores = delay_scores(segments, delays, place, range(low, high + 1))
         else:
@@ -284,14 +291,16 @@ class _Regression:
         first = self.outputs * self.past + j * (self.lags + 1)
         return range(first + delay, min(first + delay + count, first + self.lags + 1))
 
-    def criteria(self, j: int, delays: Sequence[int], low: int, high: int) -> tuple[Array, float]:
-        """Lowest BIC of a sample over na and nb, for each delay of an input and without it."""
+    def criteria(
+        self, j: int, delays: Sequence[int], low: int, high: int, beside: bool = False
+    ) -> tuple[Array, float]:
+        """Lowest BIC of a sample over na, nb at each delay and without (``beside``: at its own)."""
         stop = self.triangle.shape[1] - self.outputs
         penalty = np.log(self.count) / self.count * self.outputs
         power = np.mean(self.triangle[:, stop:] ** 2, axis=0) + np.finfo(float).tiny
         lowest, without = [], []
         for n in self.orders:
-            others = (self._columns(i, delays[i], n) for i in range(self.m) if i != j)
+            others = (self._columns(i, delays[i], n) for i in range(self.m) if beside or i != j)
             constants = range(stop - self.constants, stop)
             base = self.triangle[:, [*constants, *range(n * self.outputs), *chain(*others)]]
             lagged = self.triangle[:, [*self._columns(j, 0, self.lags + 1)]]
