@@ -87,12 +87,11 @@ def delays_by_criterion(
     """Delay of each input by the BIC of ARX models, the other inputs at their own delays. The
     models of a delay have orders na of :data:`ORDERS` and nb <= na; the lowest BIC among them
     counts. The best of many delays of an input that explains nothing lowers the criterion by up to
-    twice the logarithm of their number, so that much is added to all but short delays, and as much
-    for the number of those to the best. Where lags from the smallest on clearly explain more beside
-    those from a long delay on, short delays alone are left: nothing acts before a delay. An input
-    without which BIC is lower has the smallest delay, as have too few samples for models of order
-    1, whose criterion is NaN. ``limits``: delays tried of each input, in samples. Returns list of
-    (int, (M,) array): delay of each input, and the lowest BIC of a sample at each of its M."""
+    twice the logarithm of their number, so that much is added to long delays, and for the number of
+    short ones to the best. Nothing acts before a delay: where the first lags clearly explain more
+    beside those from a long delay on, short ones alone are left. An input without which BIC is
+    lower has the smallest delay, as have few samples, whose criterion is NaN. ``limits``: tried of
+    each input. Returns list of (int, (M,) array): delay, and BIC of a sample at each of the M."""
     lags = max((high for _, high in limits), default=0) + max(ORDERS)
     # As many rows as lags are left, whatever delays are asked for.
     lags = max(min(lags, max(segment.samples for segment in segments) // 2), 1)
