@@ -38,8 +38,7 @@ CLEAR, SLOW = 20.0, 0.1
 CERTAIN_DELAY = 2
 # Shares of a lag's size, and of the outputs' power, that are rounding.
 DEPENDENT, FLOOR = 1e-9, 1e-14
-# BIC removes a coefficient about where its squared t ratio is below ln N.  Up to this many times
-# that value the smaller model is estimated, since the t ratio is approximate.
+# BIC removes a coefficient whose squared t ratio is about below ln N; up to so many times is tried.
 SCREENING = 3.0
 # Rounds over the inputs; the choice hardly ever changes after the second one.
 ROUNDS = 5
