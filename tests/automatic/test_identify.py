@@ -304,3 +304,15 @@ def test_state_space_competes_with_polynomials_by_the_same_scores():
     assert comparison.choice("modes").candidate.structure in ("armax", "ss")
     (about,) = (each for each in comparison.decisions if each.subject == "structure for modes")
     assert {each.name.split()[0].strip(",") for each in about.alternatives} == {"armax", "ss"}
+
+
+def test_a_finite_response_has_no_modes_of_likelier_models():
+    """A few poles are fewer coefficients than ten taps, which the BIC rewards."""
+    generator = np.random.default_rng(6)
+    u = lfilter([1.0], [1.0, -0.5], generator.standard_normal(445))
+    taps = generator.standard_normal(10) * np.exp(-0.2 * np.arange(10))
+    response = lfilter([0.0, *taps], [1.0], u)
+    y = response + response.std() * generator.standard_normal(445)
+    found = evopem.identify(u, y, 100.0, show_progress=False)
+    assert found.summary.orders.structure == "fir"
+    assert found.modes.empty

@@ -84,8 +84,11 @@ def test_clipped_samples_are_breaks_and_the_model_comes_from_all_stretches(clipp
     assert model.model.poles()[:2] == pytest.approx(np.roots(POLES), abs=0.08)
 
 
-@pytest.mark.parametrize("key", ["constraints.max_pole_radius", "search.max_root_radius"])
-def test_a_model_for_another_purpose_gives_up_constraints_alone(clipped, monkeypatch, key):
+@pytest.mark.parametrize("key", ["constraints.max_pole_radius", "search"])
+def test_what_spoils_a_model_for_another_purpose_does_not_refuse_the_recording(
+    clipped, monkeypatch, key
+):
+    """It gives up constraints; where rounding spoils its optimum, the chosen one serves."""
     fits, known = [], load(ModelRecord, clipped.model)
 
     def record(files, choice, scored, search, settings, fit, *_):
@@ -96,12 +99,8 @@ def test_a_model_for_another_purpose_gives_up_constraints_alone(clipped, monkeyp
 
     monkeypatch.setattr(complete_model, "_record_of", record)
     job = next(each for each in jobs(settings_of("pump.csv"), clipped) if "model" in each.name)
-    if key.startswith("constraints"):
-        job.run()
-        assert len(fits) == 4  # the likeliest model is a third one
-    else:
-        with pytest.raises(InputError, match=key):
-            job.run()
+    job.run()
+    assert len(fits) == (4 if key.startswith("constraints") else 3)  # of three purposes
 
 
 def test_the_report_shows_the_decisions(clipped):

@@ -125,11 +125,10 @@ def complete_model(
                 for_purpose, _ = _record_of(*given, FitSettings(constraints=fit.constraints))
             except InputError as error:
                 # What a structure meets depends on the orders that it has come to; where a descent
-                # ends at no stable model, which no key is to blame for, the first one serves.
+                # ends at no stable model, or at one that rounding spoils, the first one serves.
                 key = error.source.removeprefix(f"datasets.{files.name}")
-                if key and not key.startswith(".constraints"):
-                    raise
-                for_purpose = _record_of(*given, FitSettings())[0] if key else record
+                is_constrained = key.startswith(".constraints")
+                for_purpose = _record_of(*given, FitSettings())[0] if is_constrained else record
             for_purpose = replace(for_purpose, modes=with_spread(for_purpose.modes, spread))
             save(for_purpose, files.other_model(purpose))
     with one_blas_thread():

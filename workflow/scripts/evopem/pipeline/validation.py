@@ -19,7 +19,6 @@ from evopem.files.atomic import write_table, write_text
 from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save
 from evopem.models.mode_matching import OrderModel, OrderModels
-from evopem.models.states import VERY_STRONG
 from evopem.pipeline.decisions import decision_record, rows_of_phases, rows_of_structures
 from evopem.pipeline.planning.stages import results_of
 from evopem.report.verdict_file import verdict_file
@@ -55,7 +54,6 @@ def complete_results(
     searches = [load(StructureSearch, files.search(structure)) for structure in structures]
     varying = load(Varying, files.varying) if settings.varying else None
     revised, all_decisions = None, None
-    fit_level = record.level_of_simulation == "state"
     if phase is not None:
         order, models = _of_phase(record, selections[phase])
         rows = rows_of_phases(selections.values())
@@ -74,12 +72,12 @@ def complete_results(
         validation, tables = validate(
             *(record.model, prepared, record.search.settings.objective),
             *(models, order, settings.spectrum),
-            fit_level=fit_level,
+            fit_level=record.level_of_simulation == "state",
             tests=varying.tests if varying else None,
         )
         if revised is not None:
             choices = [choice, *map(comparison.choice, others)]
-            modes = _beside_rivals(validation.modes, files, prepared, choices, fit_level)
+            modes = _beside_rivals(validation.modes, record, files, prepared, choices)
             validation = replace(validation, modes=modes)
     save(validation, files.validation)
     write_table(files.candidates, {name: [row[name] for row in rows] for name in rows[0]})
@@ -124,22 +122,24 @@ def _among(models: dict[int, OrderModel], order: int, record: ModelRecord) -> li
 
 def _beside_rivals(
     table: ModeTable,
+    chosen: ModelRecord,
     files: DatasetFiles,
     prepared: PreparedData,
     choices: Sequence[Choice],
-    fit_level: bool,
 ) -> ModeTable:
-    """The modes of the first choice beside those of models for other purposes; poles are none
-    beside a finite response that is far likelier."""
-    chosen = choices[0].candidate
+    """The modes of the first choice beside those of models for other purposes, if both have poles.
+    A finite response is chosen where the data call for none."""
+    if not choices[0].candidate.has_poles:
+        return table
+    fit_level = chosen.level_of_simulation == "state"
     for choice in {rival.candidate.name: rival for rival in reversed(choices)}.values():
         rival = choice.candidate
-        gain = prepared.estimation.samples * (chosen.bic - rival.bic)
-        may_add = rival.has_poles and (chosen.has_poles or gain > -VERY_STRONG)
-        if may_add and rival.name != chosen.name:
+        if rival.has_poles and rival.name != choices[0].candidate.name:
             record = load(ModelRecord, files.other_model(choice.purpose))
-            models = _of_orders(files, rival, record)
-            beside = modes_of(models, rival.order, prepared, fit_level)
+            if record.text == chosen.text:  # it serves in place of one that no descent ends at
+                continue
+            gain = prepared.estimation.samples * (choices[0].candidate.bic - rival.bic)
+            beside = modes_of(_of_orders(files, rival, record), rival.order, prepared, fit_level)
             table = beside_rival(table, beside, record.text, gain)
     return table
 
