@@ -158,3 +158,14 @@ def test_masked_samples_are_missing():
     for values in (Recording(masked, masked, 1.0), Segment(masked, masked)):
         assert np.isnan(values.outputs[1, 0])
         assert np.isnan(values.inputs[1, 0])
+
+
+def test_an_input_of_several_may_rest_in_a_measured_recording():
+    """It may be for validation; estimation samples are judged as they are prepared."""
+    inputs = np.column_stack([np.ones(20), np.arange(20.0)])
+    two = record(inputs=inputs, input_names=("a", "b"), input_units=("", ""))
+    check_recording(two, "r.csv", measured=True)
+    with pytest.raises(InputError, match="every sample is 1"):
+        check_recording(two, "r.csv")
+    with pytest.raises(InputError, match="every sample is 1"):
+        check_recording(record(inputs=np.ones(20)), "r.csv", measured=True)

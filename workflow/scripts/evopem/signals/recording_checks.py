@@ -38,7 +38,7 @@ def check_recording(
     """Refuse a recording from which no model can be identified.
 
     With ``constant_input`` inputs may rest: after a step or a blow a model can still be validated
-    by its free response. A ``measured`` output that hardly ever changes is refused too.
+    by its free response; in a ``measured`` recording, whose outputs must move, one beside others.
     """
     if recording.samples < MINIMUM_SAMPLES:
         remedy = f"give a longer recording, of at least {MINIMUM_SAMPLES} samples"
@@ -54,7 +54,8 @@ def check_recording(
             problem = f"the value is {values[first]}, not a finite number"
             remedy, place = "cut that part away", f"{channel}, sample {first + 1}"
         elif np.ptp(values) == 0.0:
-            if not (constant_input and number < inputs):
+            may_rest = constant_input or (measured and np.ptp(recording.inputs, axis=0).any())
+            if number >= inputs or not may_rest:
                 problem = f"every sample is {values[0]:g}, so there is nothing to identify"
                 remedy = f"{leave}choose a channel that varies"
         elif not 1.0 / LARGEST < largest < LARGEST:
