@@ -278,6 +278,7 @@ def test_a_likely_model_inside_the_stability_bound_takes_the_place_of_one_at_it(
     choice = _by_likelihood(scorer, (at_bound, inside, best), "simulation", best, False)
     assert choice is not None
     assert choice[0] is inside
+    assert "has the lowest BIC inside the stability bound" in choice[1]
 
 
 def test_the_likeliest_model_is_scored_before_it_is_left_for_its_score():

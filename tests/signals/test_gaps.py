@@ -7,9 +7,11 @@ import evopem
 from evopem.config.channels import ChannelSettings
 from evopem.config.settings import PreparationSettings, SplitSettings
 from evopem.errors import InputError
+from evopem.signals.faulty_samples import without_missing
 from evopem.signals.preparation import prepare
 from evopem.signals.prepared_data import measured_outputs
 from evopem.signals.reading import read_measured
+from evopem.signals.recording import Recording
 from evopem.signals.transforms import output_levels
 
 N, RATE = 4000, 50.0
@@ -159,3 +161,14 @@ def test_a_mode_is_found_beside_gaps():
     validation = found.results.validation
     assert len(validation.stretches) == len(found.results.model.transforms.validation)
     assert validation.simulation_error_percent < 15.0
+
+
+@pytest.mark.parametrize("inputs", [0, 1])
+def test_gaps_of_an_output_that_hardly_moves_are_filled(inputs):
+    """More than half of the residuals of an ARX model are 0: they have no size."""
+    generator = np.random.default_rng(0)
+    y, u = 1.0 * (generator.random((600, 1)) < 0.2), np.zeros((600, inputs))
+    y[40::41], u[:60] = np.nan, generator.standard_normal((60, inputs))
+    recording, filled = without_missing(Recording(u, y, 10.0), "a.csv")
+    assert filled == 14
+    assert np.isfinite(recording.outputs).all()

@@ -60,3 +60,10 @@ def test_a_mode_that_a_smaller_and_far_likelier_model_lacks_is_doubted(gain, dou
     # A larger model may have lost it among others.
     larger = table_of((10.1, 0.02), (30.0, 0.02), (40.0, 0.02), orders=(6,))
     assert beside(chosen, larger, gain) == [(10.0, True, ""), (21.0, True, "")]
+
+
+def test_no_mode_keeps_a_plane_with_one_that_another_model_replaces():
+    known = table_of((10.0, 0.02), (21.0, 0.02), doubts=("it is",))
+    rows = tuple(replace(row, pair=1 - k) for k, row in enumerate(known.modes))
+    joined = beside_rival(replace(known, modes=rows), table_of((10.05, 0.02)), "R", 0.0)
+    assert [(row.model, row.pair) for row in joined.modes] == [("R", None), ("", None)]

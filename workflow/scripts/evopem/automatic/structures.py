@@ -286,6 +286,7 @@ def _by_likelihood(
         return None
     likeliest = min(inside, key=BIC)
     checks, likeliest = scorer.checks(likeliest), scorer.with_own_scores(likeliest)
+    inner = " inside the stability bound" if len(inside) < len(near) else ""
     near = list(map(scorer.known, inside))
     # Feedback itself is what residuals depend on the input by; it is no fault of the model.
     expected = {INDEPENDENT_OF_INPUT} if fed_back else set()
@@ -300,7 +301,7 @@ def _by_likelihood(
     equal = [candidate for candidate in near if as_good(candidate, best, kind)]
     chosen = _smallest(scorer, equal, BIC)
     sentence = (
-        f"{likeliest.name} has the lowest BIC, and its residuals are white and "
+        f"{likeliest.name} has the lowest BIC{inner}, and its residuals are white and "
         f"{'independent of the input' if independent else 'fed back to the input'}."
     )
     if chosen is not likeliest:

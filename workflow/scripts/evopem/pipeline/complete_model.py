@@ -126,8 +126,7 @@ def complete_model(
             except InputError as error:
                 # What a structure meets depends on the orders that it has come to; where a descent
                 # ends at no stable model, or at one that rounding spoils, the first one serves.
-                key = error.source.removeprefix(f"datasets.{files.name}")
-                is_constrained = key.startswith(".constraints")
+                is_constrained = error.source.startswith(f"datasets.{files.name}.constraints")
                 for_purpose = _record_of(*given, FitSettings())[0] if is_constrained else record
             for_purpose = replace(for_purpose, modes=with_spread(for_purpose.modes, spread))
             save(for_purpose, files.other_model(purpose))

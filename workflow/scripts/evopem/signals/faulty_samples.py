@@ -234,7 +234,7 @@ def _predicted(segment: Segment, gaps: Flags) -> Array:
             long = [(p, m) for p, m in zip(parts, masks, strict=True) if len(m) > 2 * lags]
             for _ in range(FILLINGS if lags and any(m.any() for _, m in long) else 0):
                 model = _arx([part for part, _ in long], lags, WEIGHTINGS)
-                for part, mask in long:
+                for part, mask in long if model.scale > 0.0 else ():
                     _fill(part, mask, model)
     return outputs
 

@@ -295,8 +295,7 @@ def held_out_scores(
             parts = list(zip(fold.before, fold.held_out, strict=True))
             parts = [part for part in parts if part[0].samples or not has_past]
             # A rest of a stretch tells little, and fewer samples before than a delay no state.
-            long = [part for part in parts if min(s.samples for s in part) >= plan.shortest]
-            parts = long or parts
+            parts = [p for p in parts if min(s.samples for s in p) >= plan.shortest] or parts
             scored += [parts] if parts else []
             training += [fold.training] if parts else []
         designs.append(scored)
