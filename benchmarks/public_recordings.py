@@ -107,8 +107,8 @@ def main() -> None:
     means = np.exp(np.mean(np.log(ratios), axis=0))
     sources = f"; sources are in `benchmarks/{read.__module__}.py`. "
     text = (
-        f"Geometric mean of errors, capped at 100 %: {means[0]:.2f} times those of the peer "
-        f"that chooses by itself, {means[1]:.2f} times the lowest of all, known afterwards; "
+        f"Errors, capped at 100 %, are {means[0]:.2f} times the automatic peer's, "
+        f"{means[1]:.2f} times the lowest (geometric means); "
         f"{np.mean(failed):.1f} defects a recording. "
         f"{note}{sources * (read is not seen)}"
     )
