@@ -67,3 +67,8 @@ def test_no_mode_keeps_a_plane_with_one_that_another_model_replaces():
     rows = tuple(replace(row, pair=1 - k) for k, row in enumerate(known.modes))
     joined = beside_rival(replace(known, modes=rows), table_of((10.05, 0.02)), "R", 0.0)
     assert [(row.model, row.pair) for row in joined.modes] == [("R", None), ("", None)]
+
+
+def test_modes_of_two_models_are_in_the_order_of_their_frequencies():
+    rows = beside(table_of((10.0, 0.02)), table_of((5.0, 0.02), (10.0, 0.02)))
+    assert rows == [(5.0, True, "ARX(2,2,1)"), (10.0, True, "")]

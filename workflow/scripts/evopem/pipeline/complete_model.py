@@ -124,8 +124,7 @@ def complete_model(
             try:
                 for_purpose, _ = _record_of(*given, FitSettings(constraints=fit.constraints))
             except InputError as error:
-                # What a structure meets depends on the orders that it has come to; where a descent
-                # ends at no stable model, or at one that rounding spoils, the first one serves.
+                # Constraints may fit the first one's orders alone; without a model that one serves.
                 is_constrained = error.source.startswith(f"datasets.{files.name}.constraints")
                 for_purpose = _record_of(*given, FitSettings())[0] if is_constrained else record
             for_purpose = replace(for_purpose, modes=with_spread(for_purpose.modes, spread))

@@ -256,7 +256,8 @@ def _frequency_response(results: DatasetResults) -> Use:
         text = f"its 95 % band {'is not known' if math.isnan(half) else wide}"
     findings: list[Finding] = [("good" if half <= WIDE_BAND else "care", text)]
     if off > GOOD_RESPONSE:
-        text = f"off by up to {percent(off, 2)} where the response is large (95 %), most at"
+        by = f"off by up to {percent(off, 2)}" if math.isfinite(off) else "not known"
+        text = f"{by} where the response is large (95 %), most at"
         findings.append(("care", f"{text} {number(place, 3)}{THIN}Hz"))
     if results.model.has_input and is_number(error) and error >= USABLE_SIMULATION:
         # What the model leaves out of the response is not in the band.

@@ -29,8 +29,7 @@ LONG_STRETCH, SHORTEST_STRETCH, MOST_MISSING = 100, 50, 0.1
 least where these are too few; the largest share of samples that are not used."""
 
 LONGEST_FILLED, MOST_FILLED, FILLINGS = 3, 0.05, 3
-"""Missing samples in sequence that are filled at most, their largest share of a channel, and rounds
-of models of filled outputs."""
+"""Missing samples in sequence filled at most, their largest share, and rounds of models."""
 
 
 def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
@@ -224,8 +223,7 @@ def _replacements(parts: Sequence[Part]) -> list[tuple[Array, Flags]]:
 
 
 def _predicted(segment: Segment, gaps: Flags) -> Array:
-    """Outputs, (N, l), in whose filled gaps an ARX model has the smallest errors: a spline knows
-    nothing of inputs and vibrations.  The model is estimated from what is filled, and so on."""
+    """Outputs, (N, l), gaps filled by an ARX model: a spline knows nothing of inputs and modes."""
     outputs = segment.outputs.copy()
     for group in _pieces([replace(segment, outputs=outputs)]):
         for channel, flags in enumerate(gaps.T):

@@ -27,7 +27,9 @@ def beside_rival(table: ModeTable, rival: ModeTable, name: str, gain: float) -> 
         if row.trusted and apart and len(row.orders) >= PERSISTENT_ORDERS:
             same = (k for k, old in enumerate(rows) if mode_distance(row.mode, old.mode) <= 1.0)
             place = next(same, len(rows))
-            rows = [replace(old, pair=None) if old.pair == place else old for old in rows]
-            rows[place : place + 1] = [replace(row, pair=None, model=name)]
+            rows[place : place + 1] = [replace(row, model=name)]
+    if any(row.model == name for row in rows):  # planes of pairs are those of one model
+        alone = [replace(row, pair=None) for row in rows]
+        rows = sorted(alone, key=lambda row: row.mode.frequency_hz)
     alike = assurances([row.mode.shape for row in rows])
     return replace(table, modes=tuple(rows), assurance=alike)
