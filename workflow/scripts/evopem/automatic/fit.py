@@ -15,9 +15,12 @@ from evopem.estimation import criteria
 from evopem.estimation.impulse_response import posterior
 from evopem.estimation.pem.covariance import innovation_variance
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
-from evopem.estimation.search.descents_on_parts import descents_on_parts
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.staged_descent import DescentStage, staged_descent
+from evopem.estimation.search.staged_descent import (
+    DescentStage,
+    descents_on_parts,
+    staged_descent,
+)
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel, model_of
 from evopem.signals.least_squares import chunks, triangle_of
