@@ -91,17 +91,16 @@ def search_structures(
     nested: tuple[str, ...] = (),
     log: Log | None = None,
 ) -> None:
-    """Search the orders of structures, each from the optima of those nested in it.
-
-    These are among the structures before it, or ``nested``, which were searched already.
-    """
+    """Search the orders of structures, each from the optima of those nested in it, which are among
+    those before it or ``nested``, which were searched already."""
+    known = {structure: load(StructureSearch, files.search(structure)) for structure in nested}
+    scored = Scored.load(files, settings, fits)
     for structure in structures:
-        known = [s for s in NESTED.get(structure, ()) if s in (*structures, *nested)]
-        smaller = {s: load(StructureSearch, files.search(s)) for s in known}
-        scored = Scored.load(files, settings, fits)
+        smaller = {s: known[s] for s in NESTED.get(structure, ()) if s in known}
         with errors_name_dataset(files), one_blas_thread():
             result = search_structure(scored.scorer, structure, smaller, log)
-        save(without_covariances(result), files.search(structure), indent=None)
+        known[structure] = without_covariances(result)
+        save(known[structure], files.search(structure), indent=None)
         models = order_models(result, scored.record, scored.prepared.estimation)
         save(models, files.models_of_orders(structure), indent=None)
 

@@ -168,18 +168,18 @@ def _section_roots(section: Array) -> Complex:
 
 def random_denominators(count: int, order: int, generator: np.random.Generator) -> Array:
     """Polynomials with roots spread over all frequencies and over the damping, (count, order)."""
-    coefficients = np.empty((count, order))
-    pairs = order // 2
-    for row in range(count):
-        angles = np.pi * generator.random(pairs)
-        radii = 1.0 - FARTHEST * (NEAREST / FARTHEST) ** generator.random(pairs)
-        upper = radii * np.exp(1j * angles)
-        real = (1.0 - FARTHEST * (NEAREST / FARTHEST) ** generator.random(order % 2)) * (
-            generator.choice([-1.0, 1.0], order % 2)
-        )
-        roots = np.concatenate([upper, upper.conj(), real])
-        coefficients[row] = np.atleast_1d(np.real(np.poly(roots)))[1:]
-    return coefficients
+    pairs, single = order // 2, order % 2
+    drawn, signs = np.empty((count, order)), np.empty((count, single))
+    for uniform, sign in zip(drawn, signs, strict=True):
+        uniform[:] = generator.random(order)
+        sign[:] = 2.0 * generator.integers(2, size=single) - 1.0
+    radii = 1.0 - FARTHEST * (NEAREST / FARTHEST) ** drawn[:, pairs:]
+    upper = radii[:, :pairs] * np.exp(1j * np.pi * drawn[:, :pairs])
+    monic = np.eye(1, order + 1, dtype=complex).repeat(count, axis=0)
+    roots = np.concatenate([upper, upper.conj(), signs * radii[:, pairs:]], axis=1)
+    for degree, root in enumerate(roots.T, start=1):
+        monic[:, 1 : degree + 1] -= root[:, None] * monic[:, :degree]
+    return np.ascontiguousarray(monic[:, 1:].real)
 
 
 # How far inside the side of the box a descent begins: on it the slope is zero.
