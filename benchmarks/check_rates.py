@@ -27,7 +27,7 @@ from scipy.special import chdtrc  # noqa: E402
 
 from evopem import Orders, SearchSettings, estimate  # noqa: E402
 from evopem.config.settings import PreparationSettings, ScoringWindow  # noqa: E402
-from evopem.estimation.delays import Fit, refine_delay  # noqa: E402
+from evopem.estimation.order_selection import Fit, refine_delay  # noqa: E402
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors  # noqa: E402
 from evopem.models.mode_matching import OrderModel  # noqa: E402
 from evopem.models.orders import armax_orders  # noqa: E402

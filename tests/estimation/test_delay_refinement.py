@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from evopem import SearchSettings, estimate
 from evopem.config.settings import ScoringWindow
-from evopem.estimation.delays import (
+from evopem.estimation.order_selection import (
     Fit,
     delay_alternatives,
     refine_delay,

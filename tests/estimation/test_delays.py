@@ -104,10 +104,11 @@ def test_recordings_have_means_of_their_own_and_limits_hold():
         y = response(u, 12) + 100.0 * number + 0.1 * generator.standard_normal(300)
         segments.append(Segment(u, y, number))
     assert longest_delay(segments) == 100
-    assert delays_by_criterion(segments, [(0, 100)])[0][0] == 12
-    delay, criteria = delays_by_criterion(segments, [(2, 6)])[0]
-    assert 2 <= delay <= 6
-    assert len(criteria) == 5
+    assert delays_by_criterion(segments, [(0, 100)])[0].delay == 12
+    (known,) = delays_by_criterion(segments, [(2, 6)])
+    assert 2 <= known.delay <= 6
+    assert len(known.criteria) == 5
+    assert known.longest == 6
 
 
 def test_few_samples_and_resting_inputs_give_the_smallest_delay():

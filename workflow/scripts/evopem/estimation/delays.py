@@ -1,8 +1,7 @@
-"""Delays of the inputs: from ARX models of several orders, and at the end of an order search."""
+"""Delays of the inputs, from ARX models of several orders."""
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from itertools import chain
 from typing import NamedTuple
 
@@ -12,8 +11,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
 from evopem.estimation.impulse_response import LAGS, PAST, delay_evidence
-from evopem.models.orders import Orders
-from evopem.models.polynomial import PolynomialModel
 from evopem.signals.least_squares import chunks, triangle_of
 from evopem.signals.recording import Recording, Segment, total_samples
 
@@ -38,8 +35,6 @@ CLEAR, SLOW = 20.0, 0.1
 CERTAIN_DELAY = 2
 # Shares of a lag's size, and of the outputs' power, that are rounding.
 DEPENDENT, FLOOR = 1e-9, 1e-14
-# BIC removes a coefficient whose squared t ratio is about below ln N; up to so many times is tried.
-SCREENING = 3.0
 # Rounds over the inputs; the choice hardly ever changes after the second one.
 ROUNDS = 5
 
@@ -77,49 +72,48 @@ def estimate_delays(
     high = longest_delay(recording.segments) if largest is None else largest
     low = np.broadcast_to(smallest, count).tolist()
     limits = list(zip(low, np.broadcast_to(high, count).tolist(), strict=True))
-    return tuple(delay for delay, _ in delays_by_criterion(recording.segments, limits))
+    return tuple(known.delay for known in delays_by_criterion(recording.segments, limits))
+
+
+class ArxDelay(NamedTuple):
+    """The delay of an input by ARX models."""
+
+    delay: int
+    criteria: Array
+    """BIC of a sample at each delay that is tried"""
+    longest: int
+    """the longest delay that the input may have"""
 
 
 def delays_by_criterion(
     segments: Sequence[Segment], limits: Sequence[tuple[int, int]]
-) -> list[tuple[int, Array]]:
-    """Delay of each input by the BIC of ARX models, the other inputs at their own delays. The
-    models of a delay have orders na of :data:`ORDERS` and nb <= na; the lowest BIC among them
-    counts. The best of many delays of an input that explains nothing lowers the criterion by up to
-    twice the logarithm of their number, so that much is added to long delays, and for the number of
-    short ones to the best. Nothing acts before a delay: where the first lags clearly explain more
-    beside those from a long delay on, short ones alone are left. An input without which BIC is
-    lower has the smallest delay, as have few samples, whose criterion is NaN. ``limits``: tried of
-    each input. Returns list of (int, (M,) array): delay, and BIC of a sample at each of the M."""
+) -> list[ArxDelay]:
+    """Delay of each input by the BIC of ARX models, the other inputs at their own delays.
+
+    The models of a delay have orders na of :data:`ORDERS` and nb <= na; the lowest BIC counts.  Of
+    an input that explains nothing, the best of many delays lowers it by up to twice the logarithm
+    of their number: long delays must be better by that much, and short ones for their number.  An
+    input without which BIC is lower has the smallest delay.  So it has where samples are few, and
+    the criterion is NaN.  Where lags before a long delay clearly explain more beside those behind
+    it, the delay is a short one.  ``limits``: delays tried of each input, both included.
+    """
     lags = max((high for _, high in limits), default=0) + max(ORDERS)
     # As many rows as lags are left, whatever delays are asked for.
     lags = max(min(lags, max(segment.samples for segment in segments) // 2), 1)
-    delays = [low for low, _ in limits]
-    criteria = [np.zeros(1) for _ in limits]
+    unknown = np.full(1, np.nan)
+    decided = [ArxDelay(low, unknown, high) for low, high in limits]
     with one_blas_thread():
         problem = _Regression(segments, lags, min(max(ORDERS), lags))
         if problem.count < SAMPLES_PER_COEFFICIENT * problem.fewest:
-            return [(low, np.full(1, np.nan)) for low in delays]
+            return decided
         for _ in range(ROUNDS):
-            before = list(delays)
+            before = [known.delay for known in decided]
             for j, (low, high) in enumerate(limits):
-                last = max(min(high, lags - 1), low)
-                criteria[j], without = problem.criteria(j, delays, low, last)
-                beyond = np.arange(low, last + 1) > SHORT_DELAY
-                chance = 2.0 * np.log(last - low + 1) / problem.count
-                scores = criteria[j] + chance * beyond
-                does_as_well = scores <= scores.min() + AS_WELL / problem.count
-                short = 2.0 * math.log(max(int(np.sum(~beyond)), 1)) / problem.count
-                explains = scores.min() + short < without
-                delays[j] = low + (int(np.argmax(does_as_well)) if explains else 0)
-                if delays[j] > SHORT_DELAY >= low:
-                    beside, without = problem.criteria(j, delays, low, low, beside=True)
-                    if problem.count * (without - beside[0]) > CLEAR:
-                        criteria[j] = criteria[j][: SHORT_DELAY + 1 - low]
-                        delays[j] = low + int(np.argmin(criteria[j]))
-            if delays == before or len(limits) == 1:
+                others = {i: known.delay for i, known in enumerate(decided) if i != j}
+                decided[j] = problem.delay(j, others, low, high)
+            if [known.delay for known in decided] == before or len(limits) == 1:
                 break
-    return list(zip(delays, criteria, strict=True))
+    return decided
 
 
 class InputDelay(NamedTuple):
@@ -145,18 +139,17 @@ def likely_delays(
     """
     several = segments[0].inputs.shape[1] * segments[0].outputs.shape[1] > 1
     # Of one channel each way the scores below hold those of ARX models.
-    nothing = [(low, np.zeros(1)) for low, _ in limits]
+    nothing = [ArxDelay(low, np.zeros(1), high) for low, high in limits]
     by_arx = delays_by_criterion(segments, limits) if several else nothing
-    delays, decided = [delay for delay, _ in by_arx], []
-    for place, ((low, high), (_, criterion)) in enumerate(zip(limits, by_arx, strict=True)):
+    delays, decided = [known.delay for known in by_arx], []
+    for place, ((low, _), known) in enumerate(zip(limits, by_arx, strict=True)):
         slow = _is_slow(segments, place)
         # Of several channels ARX models know the past of all outputs.
         doubted = not several or (slow and delays[place] > CERTAIN_DELAY)
-        high = SHORT_DELAY if several and len(criterion) == SHORT_DELAY + 1 - low else high
         if doubted:
-            scores = delay_scores(segments, delays, place, range(low, high + 1))
+            scores = delay_scores(segments, delays, place, range(low, known.longest + 1))
         else:
-            scores = np.nan_to_num(total_samples(segments) * criterion)
+            scores = np.nan_to_num(total_samples(segments) * known.criteria)
         scores = scores - scores.min()
         order, shares = np.argsort(scores), np.exp(-0.5 * np.sort(scores))
         count = int(np.searchsorted(np.cumsum(shares), LIKELY * shares.sum())) + 1
@@ -186,6 +179,7 @@ def delay_scores(
     longest = max(segment.samples for segment in segments)
     lags = max(min(tried[-1] + LAGS, longest // 2), 1)
     tried = range(tried[0], max(min(tried[-1], lags - 1), tried[0]) + 1)
+    others = {i: delay for i, delay in enumerate(delays) if i != place}
     is_long = np.array(tried) > SHORT_DELAY
     short = max(int(np.sum(~is_long)), 1)
     total = 2.0 * np.log(max(int(np.sum(is_long)) / short, 1.0)) * is_long
@@ -195,10 +189,10 @@ def delay_scores(
             problem = _Regression(alone, lags, min(PAST, lags))
             if problem.count < SAMPLES_PER_COEFFICIENT * problem.fewest:
                 continue
-            by_arx = problem.count * problem.criteria(place, delays, tried[0], tried[-1])[0]
+            by_arx = problem.count * problem.criteria(place, others, tried[0], tried[-1])[0]
             apart = np.abs(np.arange(len(tried)) - int(np.argmin(by_arx))) > 1
             clear = np.all(by_arx[apart] > by_arx.min() + CLEAR) and not _is_slow(alone, place)
-            by_prior = np.inf if clear else problem.evidence(place, delays, tried)
+            by_prior = np.inf if clear else problem.evidence(place, others, tried)
             total -= 2.0 * np.logaddexp(-0.5 * by_arx, -0.5 * by_prior)
     return np.asarray(total)
 
@@ -289,16 +283,34 @@ class _Regression:
         first = self.outputs * self.past + j * (self.lags + 1)
         return range(first + delay, min(first + delay + count, first + self.lags + 1))
 
+    def delay(self, j: int, others: Mapping[int, int], low: int, high: int) -> ArxDelay:
+        """That of an input from ``low`` to ``high``, beside others of known delays."""
+        last = max(min(high, self.lags - 1), low)
+        criteria, without = self.criteria(j, others, low, last)
+        beyond = np.arange(low, last + 1) > SHORT_DELAY
+        scores = criteria + 2.0 * np.log(last - low + 1) / self.count * beyond
+        does_as_well = scores <= scores.min() + AS_WELL / self.count
+        short = 2.0 * math.log(max(int(np.sum(~beyond)), 1)) / self.count
+        explains = scores.min() + short < without
+        delay = low + (int(np.argmax(does_as_well)) if explains else 0)
+        if delay > SHORT_DELAY >= low:
+            beside, without = self.criteria(j, {**others, j: delay}, low, low)
+            if self.count * (without - beside[0]) > CLEAR:
+                criteria = criteria[: SHORT_DELAY + 1 - low]
+                return ArxDelay(low + int(np.argmin(criteria)), criteria, SHORT_DELAY)
+        return ArxDelay(delay, criteria, high)
+
     def criteria(
-        self, j: int, delays: Sequence[int], low: int, high: int, beside: bool = False
+        self, j: int, beside: Mapping[int, int], low: int, high: int
     ) -> tuple[Array, float]:
-        """Lowest BIC of a sample over na, nb at each delay and without (``beside``: at its own)."""
+        """Lowest BIC of a sample over na and nb with lags of an input behind each delay, and
+        without, ``beside`` inputs of known delays."""
         stop = self.triangle.shape[1] - self.outputs
         penalty = np.log(self.count) / self.count * self.outputs
         power = np.mean(self.triangle[:, stop:] ** 2, axis=0) + np.finfo(float).tiny
         lowest, without = [], []
         for n in self.orders:
-            others = (self._columns(i, delays[i], n) for i in range(self.m) if beside or i != j)
+            others = (self._columns(i, delay, n) for i, delay in beside.items())
             constants = range(stop - self.constants, stop)
             base = self.triangle[:, [*constants, *range(n * self.outputs), *chain(*others)]]
             lagged = self.triangle[:, [*self._columns(j, 0, self.lags + 1)]]
@@ -324,68 +336,13 @@ class _Regression:
             lowest.append(np.min(values[1:].reshape(-1, n) + terms, axis=1))
         return np.min(lowest, axis=0), float(np.min(without))
 
-    def evidence(self, j: int, delays: Sequence[int], tried: range) -> Array:
+    def evidence(self, j: int, beside: Mapping[int, int], tried: range) -> Array:
         """As :func:`delay_evidence`, of one output; constants and the other inputs have a BIC."""
         stop = self.triangle.shape[1] - 1
-        others = (self._columns(i, delays[i], max(ORDERS)) for i in range(self.m) if i != j)
+        others = (self._columns(i, delay, max(ORDERS)) for i, delay in beside.items())
         free = [*range(stop - self.constants, stop), *chain(*others)]
         kept = [*range(self.past), *self._columns(j, 0, self.lags + 1), stop]
         left = triangle_of([self.triangle[:, [*free, *kept]]])[len(free) :, len(free) :]
         parts = left[:, : self.past], left[:, self.past : -1], left[:, -1]
         values = delay_evidence(*parts, self.count, tried)
         return values + (len(free) * np.log(self.count) - self.count * np.log(self.count))
-
-
-class Fit(NamedTuple):
-    """An estimated model and its BIC on the samples that all models are compared on."""
-
-    model: PolynomialModel
-    bic: float
-
-
-def refine_delay(
-    start: Fit, samples: int, shortest_delay: int, estimate: Callable[[Orders], Fit]
-) -> Fit:
-    """Follow the smallest BIC from a model to its neighbours, with other lags of B, while it falls.
-    With one coefficient of B too many, delays nk and nk + 1 both contain the true model.
-    ``estimate``: makes a model of some orders on the same scored samples."""
-    best = start
-    tried = {start.model.orders}
-    while True:
-        fits = []
-        for orders in delay_alternatives(best.model, samples, shortest_delay):
-            if orders not in tried:
-                fits.append(estimate(orders))
-                tried.add(orders)
-        better = min(fits, key=lambda fit: (fit.bic, fit.model.orders), default=best)
-        if not better.bic < best.bic:
-            return best
-        best = better
-
-
-def delay_alternatives(model: PolynomialModel, samples: int, shortest_delay: int) -> list[Orders]:
-    """Orders of B without its first or its last lag, unless clearly significant, or one earlier."""
-    orders, nb, nk = model.orders, model.orders.single.nb, model.orders.single.nk
-    limit = math.sqrt(SCREENING * math.log(samples))
-    # A t ratio that is not known (NaN) is no reason to keep a coefficient.
-    keeps_first, keeps_last = (t > limit for t in t_ratios_of_ends(model))
-    alternatives = []
-    if nb > 1 and not keeps_first:
-        alternatives.append(replace(orders, nb=(nb - 1,), nk=(nk + 1,)))
-    if nb > 1 and not keeps_last:
-        alternatives.append(replace(orders, nb=(nb - 1,)))
-    if nk > shortest_delay:
-        alternatives.append(replace(orders, nb=(nb + 1,), nk=(nk - 1,)))
-    return alternatives
-
-
-def t_ratios_of_ends(model: PolynomialModel) -> tuple[float, float]:
-    """Absolute t ratios of the first and the last coefficient of B; NaN without a covariance."""
-    if model.covariance is None:
-        return math.nan, math.nan
-    of_b = model.orders.part("b")
-    ends = np.eye(model.orders.parameters)[[of_b.start, of_b.stop - 1]]
-    errors = model.covariance.standard_errors(ends)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        leading, trailing = np.abs(model.B[0][[0, -1]]) / errors
-    return float(leading), float(trailing)

@@ -1,6 +1,7 @@
 """Order search: estimates of a phase, on one core or several, and the selection of one of them."""
 
 import logging
+import math
 import multiprocessing
 import sys
 from collections.abc import Callable, Sequence
@@ -8,12 +9,13 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
+
+import numpy as np
 
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError
-from evopem.estimation.delays import Fit, refine_delay
 from evopem.estimation.estimate import estimate_polynomial
 from evopem.estimation.order_candidate import (
     Candidate,
@@ -29,10 +31,13 @@ from evopem.estimation.search.certificate import Target, has_agreed
 from evopem.estimation.search.problem import Log, pooled, same_optimum
 from evopem.files.job import end_with_parent
 from evopem.models.orders import Orders
+from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
 
 # Evaluations of a repeated search, as a multiple of the first one's.
 REPEAT_FACTOR = 5
+# BIC removes a coefficient whose squared t ratio is about below ln N; up to so many times is tried.
+SCREENING = 3.0
 
 
 @dataclass(frozen=True)
@@ -189,6 +194,61 @@ def _with_refined_delay(
             f" {selection.selected.criteria.bic:.4f}."
         )
     return PhaseSelection(selection.phase, orders, reason, (*selection.candidates, *added))
+
+
+class Fit(NamedTuple):
+    """An estimated model and its BIC on the samples that all models are compared on."""
+
+    model: PolynomialModel
+    bic: float
+
+
+def refine_delay(
+    start: Fit, samples: int, shortest_delay: int, estimate: Callable[[Orders], Fit]
+) -> Fit:
+    """Follow the smallest BIC from a model to its neighbours, with other lags of B, while it falls.
+    With one coefficient of B too many, delays nk and nk + 1 both contain the true model.
+    ``estimate``: makes a model of some orders on the same scored samples."""
+    best = start
+    tried = {start.model.orders}
+    while True:
+        fits = []
+        for orders in delay_alternatives(best.model, samples, shortest_delay):
+            if orders not in tried:
+                fits.append(estimate(orders))
+                tried.add(orders)
+        better = min(fits, key=lambda fit: (fit.bic, fit.model.orders), default=best)
+        if not better.bic < best.bic:
+            return best
+        best = better
+
+
+def delay_alternatives(model: PolynomialModel, samples: int, shortest_delay: int) -> list[Orders]:
+    """Orders of B without its first or its last lag, unless clearly significant, or one earlier."""
+    orders, nb, nk = model.orders, model.orders.single.nb, model.orders.single.nk
+    limit = math.sqrt(SCREENING * math.log(samples))
+    # A t ratio that is not known (NaN) is no reason to keep a coefficient.
+    keeps_first, keeps_last = (t > limit for t in t_ratios_of_ends(model))
+    alternatives = []
+    if nb > 1 and not keeps_first:
+        alternatives.append(replace(orders, nb=(nb - 1,), nk=(nk + 1,)))
+    if nb > 1 and not keeps_last:
+        alternatives.append(replace(orders, nb=(nb - 1,)))
+    if nk > shortest_delay:
+        alternatives.append(replace(orders, nb=(nb + 1,), nk=(nk - 1,)))
+    return alternatives
+
+
+def t_ratios_of_ends(model: PolynomialModel) -> tuple[float, float]:
+    """Absolute t ratios of the first and the last coefficient of B; NaN without a covariance."""
+    if model.covariance is None:
+        return math.nan, math.nan
+    of_b = model.orders.part("b")
+    ends = np.eye(model.orders.parameters)[[of_b.start, of_b.stop - 1]]
+    errors = model.covariance.standard_errors(ends)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        leading, trailing = np.abs(model.B[0][[0, -1]]) / errors
+    return float(leading), float(trailing)
 
 
 def settle(
