@@ -11,6 +11,7 @@ from evopem.automatic.revisions import act_on_checks
 from evopem.automatic.state_space import weighting_of
 from evopem.automatic.structures import Choice, Comparison, rivals_of
 from evopem.blas_threads import one_blas_thread
+from evopem.config.constraints import Constraints
 from evopem.config.settings import (
     AutomaticSettings,
     FitSettings,
@@ -20,7 +21,7 @@ from evopem.config.settings import (
     SearchSettings,
 )
 from evopem.config.structures import OF_SIMULATION
-from evopem.errors import InputError
+from evopem.errors import InputError, NoModelError
 from evopem.estimation.continuous import in_continuous_time
 from evopem.estimation.model_record import LevelOfSimulation, ModelRecord
 from evopem.estimation.order_candidate import PhaseSelection
@@ -38,7 +39,6 @@ from evopem.signals.recording import Recording
 
 
 def _record_of(
-    files: DatasetFiles,
     choice: Choice,
     scored: Scored,
     search: SearchSettings,
@@ -58,7 +58,7 @@ def _record_of(
         fit = replace(fit, focus="prediction")
     search = replace(search, objective=scored.record.plan.objective)
     search, limited = searches_of(candidate, search, settings)
-    with errors_name_dataset(files), one_blas_thread():
+    with one_blas_thread():
         chosen, about = estimate_choice(
             *(choice, scorer, scored.record, data, limited),
             *(fit if fit.changes_model else None, plant_kept, log),
@@ -74,6 +74,31 @@ def _record_of(
         constraints=fit.constraints,
         at_upper_ends=chosen.at_upper_ends,
     ), about
+
+
+def _for_other_purpose(
+    chosen: ModelRecord,
+    choice: Choice,
+    scored: Scored,
+    search: SearchSettings,
+    settings: AutomaticSettings,
+    constraints: Constraints | None,
+) -> ModelRecord:
+    """The model of a choice for another purpose, or the chosen one where there is none.
+
+    Constraints may fit the orders of the chosen one alone, as may the bound of the roots.
+    """
+    given = choice, scored, search, settings
+    try:
+        return _record_of(*given, FitSettings(constraints=constraints))[0]
+    except NoModelError:  # no descent ends at a stable model, or rounding spoils what it ends at
+        return chosen
+    except InputError as error:
+        if error.source == "search.max_root_radius":
+            return chosen
+        if not error.source.startswith("constraints"):
+            raise
+        return _record_of(*given, FitSettings())[0]
 
 
 def level_of(level: LevelOfSimulation, data: Recording) -> LevelOfSimulation:
@@ -109,26 +134,22 @@ def complete_model(
         comparison = load(Comparison, files.decision("comparison"))
         scored = Scored.load(files, settings, fits, of_choice=True)
         choice = comparison.choice(settings.purpose)
-        with errors_name_dataset(files), one_blas_thread():
-            revised = act_on_checks(scored.scorer, choice, comparison.candidates)
-        chosen = files, revised.choice, scored, search, settings, fit
-        record, about = _record_of(*chosen, revised.plant_kept, log)
-        save(replace(revised, search=about), files.decision("revisions"))
-        known = rivals_of(scored.scorer, revised.choice, comparison)
-        rivals = [scored.record.in_its_units(candidate.model) for candidate in known]
-        spread = [rival.modes() for rival in rivals]
-        record = replace(record, modes=with_spread(record.modes, spread))
-        for purpose in others:
-            choice = comparison.choice(purpose)
-            given = files, choice, scored, search, replace(settings, evaluations=0)
-            try:
-                for_purpose, _ = _record_of(*given, FitSettings(constraints=fit.constraints))
-            except InputError as error:
-                # Constraints may fit the first one's orders alone; without a model that one serves.
-                is_constrained = error.source.startswith(f"datasets.{files.name}.constraints")
-                for_purpose = _record_of(*given, FitSettings())[0] if is_constrained else record
-            for_purpose = replace(for_purpose, modes=with_spread(for_purpose.modes, spread))
-            save(for_purpose, files.other_model(purpose))
+        with errors_name_dataset(files):
+            with one_blas_thread():
+                revised = act_on_checks(scored.scorer, choice, comparison.candidates)
+            chosen = revised.choice, scored, search, settings, fit
+            record, about = _record_of(*chosen, revised.plant_kept, log)
+            save(replace(revised, search=about), files.decision("revisions"))
+            known = rivals_of(scored.scorer, revised.choice, comparison)
+            rivals = [scored.record.in_its_units(candidate.model) for candidate in known]
+            spread = [rival.modes() for rival in rivals]
+            record = replace(record, modes=with_spread(record.modes, spread))
+            for purpose in others:
+                choice = comparison.choice(purpose)
+                given = choice, scored, search, replace(settings, evaluations=0)
+                other_model = _for_other_purpose(record, *given, fit.constraints)
+                modes = with_spread(other_model.modes, spread)
+                save(replace(other_model, modes=modes), files.other_model(purpose))
     with one_blas_thread():
         if hold is not None:
             data = load_prepared(files.prepared, files.transforms).estimation
