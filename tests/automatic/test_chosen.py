@@ -8,13 +8,13 @@ from records import output_error_record
 from scipy.signal import lfilter
 
 from evopem.automatic import chosen_model
-from evopem.automatic.candidates import Scorer, StructureSearch, order_models
+from evopem.automatic.candidates import Scorer, StructureSearch
 from evopem.automatic.cross_validation.folds import decide_folds
 from evopem.automatic.cross_validation.simulation import prediction_errors, simulated
 from evopem.automatic.decision import Decision
-from evopem.automatic.fit import CommonSettings, Fit
+from evopem.automatic.fit import CommonSettings, Fit, fits_in_state_space
+from evopem.automatic.orders import order_models
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
-from evopem.automatic.state_space import fits_in_state_space
 from evopem.automatic.structures import Choice
 from evopem.config.settings import SearchSettings
 from evopem.errors import LostModelError, NoModelError

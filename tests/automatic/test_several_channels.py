@@ -13,7 +13,7 @@ from evopem.automatic.candidates import Candidate, OrderLimits, Scorer
 from evopem.automatic.chosen_model import estimate_candidate
 from evopem.automatic.cross_validation import simulation
 from evopem.automatic.cross_validation.folds import HeldOutScores, decide_folds, held_out_scores
-from evopem.automatic.fit import CommonSettings
+from evopem.automatic.fit import CommonSettings, recording_of, task_of, until_bic_rises
 from evopem.automatic.fold_errors import as_good
 from evopem.automatic.orders import (
     SINGLE_STEPS,
@@ -22,7 +22,6 @@ from evopem.automatic.orders import (
     search_structure,
 )
 from evopem.automatic.revisions import act_on_checks
-from evopem.automatic.state_space import recording_of, task_of, until_bic_rises
 from evopem.automatic.structures import Choice, compare_structures
 from evopem.config.constraints import Constraints
 from evopem.config.settings import FitSettings, OrderRanges, SearchSettings

@@ -96,15 +96,6 @@ def test_a_multistart_check_refutes_what_the_restarts_agree_on():
     assert result.diagnostics.n_confirming == 0
 
 
-def test_a_lower_value_known_from_before_keeps_a_search_from_ending():
-    settings = SearchSettings(evaluations=50000)
-    alone = search(Rastrigin(1), settings)
-    told = search(Rastrigin(1), settings, known_minimum=0.9)
-    assert alone.diagnostics.evaluations < settings.evaluations <= told.diagnostics.evaluations
-    assert told.value == alone.value
-    assert told.diagnostics.n_multistart == 0
-
-
 def test_the_check_ends_when_a_further_optimum_is_improbable():
     checked = search(Rastrigin(1)).diagnostics
     assert checked.n_local_optima > 5

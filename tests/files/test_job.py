@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from evopem.errors import InputError
-from evopem.files.job import job
-from evopem.files.unfinished import unfinished_jobs
+from evopem.files.job import job, unfinished_jobs
 
 SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
 

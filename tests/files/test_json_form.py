@@ -24,8 +24,8 @@ from evopem.config.settings import OrderRanges, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_candidate import Candidate, PhaseSelection
+from evopem.files.job import UnfinishedJob
 from evopem.files.json_form import from_json, load, save, to_json
-from evopem.files.unfinished import UnfinishedJob
 from evopem.models.mode_matching import OrderModels
 from evopem.models.orders import Orders, armax_orders
 from evopem.models.parameter_covariance import ParameterCovariance

@@ -12,7 +12,7 @@ import pytest
 
 from evopem.config.defaults import complete
 from evopem.errors import InputError
-from evopem.files.unfinished import UnfinishedJob
+from evopem.files.job import UnfinishedJob
 from evopem.pipeline import identification
 from evopem.pipeline.identification import identify_dataset
 from evopem.results.identity import forget_incomplete_batches, is_finished

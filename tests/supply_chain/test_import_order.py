@@ -16,7 +16,6 @@ PARTS = (
         "arrays",
         "errors",
         "version",
-        "blas_threads",
         "compilation",
         "files",
         "config",

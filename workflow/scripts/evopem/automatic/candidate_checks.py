@@ -35,6 +35,7 @@ from evopem.validation.checks.roots import (
 from evopem.validation.held_out_tests import left_by, scores_statistic
 from evopem.validation.model_class import ResidualTest
 from evopem.validation.residual_tests import (
+    Residuals,
     autocorrelation_of,
     correlation_with_input,
     fit_effects,
@@ -156,19 +157,12 @@ def _is_insignificant(
     return bool(abs(model.B[place][end]) < SMALL * spread)
 
 
-@dataclass(frozen=True, eq=False)
-class _Residuals:
-    """Residuals, (N, l), and the inputs of the same samples, (N, m), of all stretches."""
-
-    residuals: Array
-    inputs: Array
-    bounds: list[int]  # first residual of each stretch, and N
+class _Residuals(Residuals):
+    """The residuals of a candidate, of all stretches."""
 
     @classmethod
     def of(cls, stretches: Sequence[Segment], parts: Sequence[Array]) -> Self:
-        inputs = [s.inputs[s.samples - len(e) :] for s, e in zip(stretches, parts, strict=True)]
-        bounds = np.cumsum([0, *map(len, parts)]).tolist()
-        return cls(np.concatenate(parts), np.concatenate(inputs), bounds)
+        return cls.at_ends([stretch.inputs for stretch in stretches], parts)
 
     def whiteness_lags(self, fitted: int) -> int:
         return ljung_box_lags(len(self.residuals), fitted, min(LAGS, len(self.residuals) - 1))

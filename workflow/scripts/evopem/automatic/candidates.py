@@ -19,17 +19,22 @@ from evopem.automatic.cross_validation.folds import (
 from evopem.automatic.cross_validation.simulation import Model, errors_simulated_on
 from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.decision import Decision
-from evopem.automatic.fit import CommonSettings, Fit, fit, fits_of_parts, log_loss
-from evopem.automatic.preparation.plan import PreparedRecord
-from evopem.automatic.state_space import fits_in_state_space, refit
+from evopem.automatic.fit import (
+    CommonSettings,
+    Fit,
+    fit,
+    fits_in_state_space,
+    fits_of_parts,
+    log_loss,
+    refit,
+)
 from evopem.config.channels import of_each
 from evopem.config.settings import OrderRanges, Range
 from evopem.config.structures import REGULARISED, STRUCTURES, varied_order
 from evopem.errors import NoModelError
-from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.models.orders import PER_INPUT, Orders
-from evopem.models.polynomial import PolynomialModel, of_signals
-from evopem.signals.recording import Recording, Segment, total_samples
+from evopem.models.polynomial import PolynomialModel
+from evopem.signals.recording import Segment, total_samples
 
 # Largest order of the paths of polynomial structures: criteria count the samples behind its past.
 LARGEST_ORDER = 20
@@ -171,26 +176,6 @@ class StructureSearch:
     def orders(self) -> tuple[int, ...]:
         """The orders that were tried."""
         return tuple(dict.fromkeys(candidate.order for candidate in self.candidates))
-
-
-def order_models(
-    search: StructureSearch, record: PreparedRecord, estimation: Recording
-) -> OrderModels:
-    """The likeliest plant of each number of poles in a search, as one of a recording."""
-    models: dict[int, OrderModel] = {}
-    with_poles = [c for c in search.candidates if c.polynomials is None or c.orders.poles]
-    for tried in sorted(with_poles, key=lambda tried: (tried.order, -tried.bic)):
-        plant = record.in_its_units(tried.model)
-        if isinstance(plant, PolynomialModel):
-            plant = plant.plant().state_space()
-        models[tried.order] = OrderModel.of(tried.order, tried.bic, of_signals(plant, estimation))
-    return OrderModels(tuple(models.values()))
-
-
-def without_covariances(search: StructureSearch) -> StructureSearch:
-    """A search with models without their covariances, which are large."""
-    plain = [replace(t, model=replace(t.model, covariance=None)) for t in search.candidates]
-    return replace(search, candidates=tuple(plain))
 
 
 class Scorer:

@@ -6,15 +6,14 @@ from functools import partial
 
 import numpy as np
 
+from evopem.arrays import one_blas_thread
 from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS
+from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, task_of, weighting_of
 from evopem.automatic.fold_errors import Kind, as_good, score_of
 from evopem.automatic.orders import orders_of_size
 from evopem.automatic.preparation.plan import PreparedRecord
-from evopem.automatic.state_space import task_of, weighting_of
 from evopem.automatic.structures import Choice
-from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import AutomaticSettings, FitSettings, ScoringWindow, SearchSettings
 from evopem.config.structures import REGULARISED

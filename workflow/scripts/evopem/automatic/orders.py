@@ -1,7 +1,7 @@
 """Delays of the inputs, and orders within one structure."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, product
 from typing import Any
 
@@ -19,17 +19,19 @@ from evopem.automatic.candidates import (
 )
 from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
-from evopem.automatic.state_space import fits_in_state_space, from_likeliest
+from evopem.automatic.fit import fits_in_state_space, from_likeliest
+from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges
 from evopem.config.structures import OF_SIMULATION, REGULARISED, is_polynomial
 from evopem.errors import NoModelError
 from evopem.estimation.delays import SHORT_DELAY, is_of_feedback, likely_delays, longest_delay
 from evopem.estimation.search.problem import Log
+from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.models.orders import Orders, changed, neighbours
-from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial import PolynomialModel, of_signals
 from evopem.models.state_space import StateSpaceModel
-from evopem.signals.recording import Segment
+from evopem.signals.recording import Recording, Segment
 from evopem.validation.checks.inputs import EXCITATION_ADEQUATE
 from evopem.validation.checks.roots import DISTINCT
 from evopem.validation.held_out_tests import SIGNIFICANCE
@@ -89,6 +91,26 @@ def search_structure(
     too_short = nothing and (is_polynomial(structure) or not numbers_of_states(scorer))
     decision = _decision(structure, candidates, too_short, problem)
     return StructureSearch(structure, tuple(candidates), decision, too_short)
+
+
+def order_models(
+    search: StructureSearch, record: PreparedRecord, estimation: Recording
+) -> OrderModels:
+    """The likeliest plant of each number of poles in a search, as one of a recording."""
+    models: dict[int, OrderModel] = {}
+    with_poles = [c for c in search.candidates if c.polynomials is None or c.orders.poles]
+    for tried in sorted(with_poles, key=lambda tried: (tried.order, -tried.bic)):
+        plant = record.in_its_units(tried.model)
+        if isinstance(plant, PolynomialModel):
+            plant = plant.plant().state_space()
+        models[tried.order] = OrderModel.of(tried.order, tried.bic, of_signals(plant, estimation))
+    return OrderModels(tuple(models.values()))
+
+
+def without_covariances(search: StructureSearch) -> StructureSearch:
+    """A search with models without their covariances, which are large."""
+    plain = [replace(t, model=replace(t.model, covariance=None)) for t in search.candidates]
+    return replace(search, candidates=tuple(plain))
 
 
 def _along_path(

@@ -8,8 +8,7 @@ import numpy as np
 
 from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.cross_validation.simulation import simulated
-from evopem.automatic.fit import fit, log_loss
-from evopem.automatic.state_space import fits_in_state_space
+from evopem.automatic.fit import fit, fits_in_state_space, log_loss
 from evopem.config.channels import of_each
 from evopem.config.structures import OF_SIMULATION
 from evopem.errors import NoModelError

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from evopem.arrays import Array
-from evopem.blas_threads import one_blas_thread
+from evopem.arrays import Array, one_blas_thread
 from evopem.estimation.impulse_response import LAGS, PAST, delay_evidence
 from evopem.signals.least_squares import chunks, triangle_of
 from evopem.signals.recording import Recording, Segment, total_samples

@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from evopem.arrays import Array, Complex, Integers
-from evopem.blas_threads import one_blas_thread
+from evopem.arrays import Array, Complex, Integers, one_blas_thread
 from evopem.errors import InputError
 from evopem.estimation.search.frequency_problem import (
     Equations,

@@ -19,8 +19,8 @@ from evopem.errors import InputError, checked_path
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
+from evopem.files.job import check_result
 from evopem.files.json_form import load
-from evopem.files.unfinished import check_result
 from evopem.models.continuous import ContinuousRecord
 from evopem.models.conversions import plant_of
 from evopem.models.modes import Mode

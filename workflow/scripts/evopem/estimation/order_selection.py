@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from evopem.blas_threads import one_blas_thread
+from evopem.arrays import one_blas_thread
 from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.estimate import estimate_polynomial

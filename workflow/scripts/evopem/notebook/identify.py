@@ -113,7 +113,7 @@ def identify(
     recorded = given_recordings(data, wanted)
     held_out = _validation_signals(validation, recorded[0], wanted)
     settings = _settings(name, recorded, held_out, keys)
-    from evopem.blas_threads import one_blas_thread
+    from evopem.arrays import one_blas_thread
     from evopem.notebook.results import Results
     from evopem.pipeline.identification import identify_dataset, progress
     from evopem.results.dataset import read_results
@@ -179,8 +179,8 @@ def estimate_varying(
     """
     import numpy as np
 
+    from evopem.arrays import one_blas_thread
     from evopem.automatic.varying import moving_model
-    from evopem.blas_threads import one_blas_thread
     from evopem.config.settings import VaryingSettings
     from evopem.estimation.varying import Scheduled
     from evopem.notebook.results import VaryingResults

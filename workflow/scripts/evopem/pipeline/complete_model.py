@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
+from evopem.arrays import one_blas_thread
 from evopem.automatic.chosen_model import estimate_choice, searches_of
 from evopem.automatic.decision import Decision
-from evopem.automatic.fit import CommonSettings
+from evopem.automatic.fit import CommonSettings, weighting_of
 from evopem.automatic.revisions import act_on_checks
-from evopem.automatic.state_space import weighting_of
 from evopem.automatic.structures import Choice, Comparison, rivals_of
-from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import (
     AutomaticSettings,

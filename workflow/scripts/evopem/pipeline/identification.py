@@ -19,8 +19,8 @@ from evopem.errors import InputError
 from evopem.files.atomic import TEMPORARY, files_below, pack
 from evopem.files.checksums import delete_results
 from evopem.files.job import job as recorded_job
+from evopem.files.job import unfinished_record
 from evopem.files.json_form import save
-from evopem.files.unfinished import unfinished_record
 from evopem.pipeline.call import Log
 from evopem.pipeline.planning.stage import StageJob
 from evopem.pipeline.planning.stages import left_in_words, seconds_left, stages_of

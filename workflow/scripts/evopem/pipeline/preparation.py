@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from evopem.arrays import one_blas_thread
 from evopem.automatic.cross_validation.folds import decide_folds
 from evopem.automatic.orders import decide_delays
 from evopem.automatic.preparation.plan import (
@@ -19,7 +20,6 @@ from evopem.automatic.preparation.plan import (
 )
 from evopem.automatic.preparation.transforms import TransformPlan, decide_transforms
 from evopem.automatic.preparation.wrong_samples import decide_outliers
-from evopem.blas_threads import one_blas_thread
 from evopem.config.order_grid import check_samples
 from evopem.config.settings import (
     FitSettings,

@@ -5,19 +5,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Self
 
-from evopem.automatic.candidates import (
-    OrderLimits,
-    Scorer,
-    StructureSearch,
-    order_models,
-    without_covariances,
-)
+from evopem.arrays import one_blas_thread
+from evopem.automatic.candidates import OrderLimits, Scorer, StructureSearch
 from evopem.automatic.cross_validation.folds import FoldPlan
 from evopem.automatic.fit import CommonSettings
-from evopem.automatic.orders import DelayChoice, search_structure
+from evopem.automatic.orders import (
+    DelayChoice,
+    order_models,
+    search_structure,
+    without_covariances,
+)
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.automatic.structures import compare_structures
-from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import AutomaticSettings
 from evopem.config.structures import NESTED
 from evopem.errors import InputError, NoModelError

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
+from evopem.arrays import one_blas_thread
 from evopem.automatic.varying import table_of, what_moves
-from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import VaryingSettings
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.atomic import write_table

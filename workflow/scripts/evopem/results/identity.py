@@ -16,8 +16,8 @@ from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
 from evopem.files.atomic import member_of
 from evopem.files.checksums import again, checksummed, sha256_of_file, sources
+from evopem.files.job import unfinished_jobs
 from evopem.files.json_form import from_json, to_json
-from evopem.files.unfinished import unfinished_jobs
 from evopem.results.layout import BATCH_CHECKSUMS, DatasetFiles
 
 MADE_FROM = "made_from.json"

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evopem.arrays import Array
-from evopem.blas_threads import one_blas_thread
+from evopem.arrays import Array, one_blas_thread
 from evopem.errors import InputError
 from evopem.signals.faulty_samples import MOST_MISSING
 from evopem.signals.least_squares import triangle_of

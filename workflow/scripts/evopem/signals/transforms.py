@@ -8,8 +8,7 @@ from fractions import Fraction
 import numpy as np
 import scipy  # whose parts load on first use
 
-from evopem.arrays import Array
-from evopem.blas_threads import one_blas_thread
+from evopem.arrays import Array, one_blas_thread
 from evopem.errors import InputError
 from evopem.signals.least_squares import triangle_of
 from evopem.signals.recording import Recording

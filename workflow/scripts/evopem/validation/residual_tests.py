@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import scipy  # whose parts load on first use
@@ -32,24 +32,32 @@ LEAST_EXPECTED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class EstimationResiduals:
+class Residuals:
     """One-step prediction errors, (N, l), and the inputs of the same samples, (N, m)."""
 
-    stretches: tuple[HeldOut, ...]
     residuals: Array
     inputs: Array
     bounds: tuple[int, ...]  # first residual of each stretch, and N
 
     @classmethod
-    def of(cls, stretches: Sequence[HeldOut]) -> EstimationResiduals:
-        """Of all samples of stretches without a past but those that states are fitted to."""
-        parts = [_residuals(stretch) for stretch in stretches]
-        inputs = [
-            stretch.inputs[len(stretch.inputs) - len(part) :]
-            for stretch, part in zip(stretches, parts, strict=True)
-        ]
+    def at_ends(cls, inputs: Sequence[Array], parts: Sequence[Array], **further: Any) -> Self:
+        """Those of the last samples of stretches, whose inputs are given as a whole."""
+        same = [u[len(u) - len(e) :] for u, e in zip(inputs, parts, strict=True)]
         bounds = tuple(np.cumsum([0, *map(len, parts)]).tolist())
-        return cls(tuple(stretches), np.concatenate(parts), np.concatenate(inputs), bounds)
+        return cls(np.concatenate(parts), np.concatenate(same), bounds, **further)
+
+
+@dataclass(frozen=True, eq=False)
+class EstimationResiduals(Residuals):
+    """Those of the estimation samples, with their stretches."""
+
+    stretches: tuple[HeldOut, ...]
+
+    @classmethod
+    def of(cls, stretches: Sequence[HeldOut]) -> Self:
+        """Of all samples of stretches without a past but those that states are fitted to."""
+        inputs, parts = [stretch.inputs for stretch in stretches], map(_residuals, stretches)
+        return cls.at_ends(inputs, list(parts), stretches=tuple(stretches))
 
     def fit_effects(self, lags: int) -> Array:
         """What :func:`fit_effects` gives of the estimate; nothing where its spread is not known."""

@@ -18,6 +18,7 @@ from evopem.automatic.cross_validation.stretches import (
     REASON,
     Fold,
     folds_of,
+    is_large,
     response_parts,
 )
 from evopem.automatic.decision import Alternative, Decision
@@ -157,8 +158,6 @@ INTERLEAVED = ((2, 3), (2, 6))
 # For the response to a single blow.
 OF_RESPONSE = ((2, 1), (5, 1))
 SHORTEST_BLOCK = 25
-# Values of all channels of a large and of a long record, whose searches are shortened.
-LARGE, LONG = 100_000, 40_000
 # Least share of a part's input spectrum that the rest of the record must have as well.
 LEAST_OVERLAP = 0.4
 BANDS = 24
@@ -210,11 +209,6 @@ class HeldOutScores:
 
 KINDS = ("simulation", "fitted_level", "prediction")
 """The errors on held-out samples, as attributes of the scores."""
-
-
-def is_large(segments: Sequence[Segment], values: int = LARGE) -> bool:
-    """Whether a record has so many values that searches are shortened; ``LONG`` on folds."""
-    return sum(segment.inputs.size + segment.outputs.size for segment in segments) > values
 
 
 def decide_folds(stretches: Sequence[Segment], delay: int = 0) -> FoldPlan:

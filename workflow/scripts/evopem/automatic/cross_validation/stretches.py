@@ -13,6 +13,8 @@ from evopem.signals.recording import Segment, total_samples
 SHORTEST_STRETCH = 20
 # Samples of a record on which delays, orders and structures are compared.
 MOST_SAMPLES = 6000
+# Values of all channels of a large and of a long record, whose searches are shortened.
+LARGE, LONG = 100_000, 40_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +26,11 @@ class Fold:
     # samples before each held-out segment, at most as many as it has; none at the beginning of a
     # stretch
     before: tuple[Segment, ...]
+
+
+def is_large(segments: Sequence[Segment], values: int = LARGE) -> bool:
+    """Whether a record has so many values that searches are shortened; ``LONG`` on folds."""
+    return sum(segment.inputs.size + segment.outputs.size for segment in segments) > values
 
 
 def first_samples(stretches: Sequence[Segment], most: int) -> tuple[Segment, ...]:

@@ -11,8 +11,7 @@ from evopem.automatic.cross_validation.folds import SHORTEST_BLOCK
 from evopem.automatic.cross_validation.simulation import Model, errors_simulated_on
 from evopem.automatic.cross_validation.stretches import SHORTEST_STRETCH, folds_of
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.fit import FOLD_STAGES, CommonSettings, fit
-from evopem.automatic.state_space import fits_in_state_space
+from evopem.automatic.fit import FOLD_STAGES, CommonSettings, fit, fits_in_state_space
 from evopem.errors import InputError, NoModelError
 from evopem.estimation.delays import likely_delays, longest_delay
 from evopem.models.orders import Orders

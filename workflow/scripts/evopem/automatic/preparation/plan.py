@@ -13,6 +13,7 @@ from evopem.automatic.cross_validation.stretches import (
     first_samples,
 )
 from evopem.automatic.decision import Decision, given_by_configuration
+from evopem.automatic.fit import recording_of
 from evopem.automatic.preparation.decimation import (
     MOST_DECIMATED,
     decide_decimation,
@@ -25,7 +26,6 @@ from evopem.automatic.preparation.wrong_samples import (
     decide_stuck,
     standing_still,
 )
-from evopem.automatic.state_space import recording_of
 from evopem.config.settings import GivenPreparation, Objective
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale

@@ -13,10 +13,9 @@ from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import errors_simulated_on
 from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, Fold, first_samples
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
-from evopem.automatic.fit import FOLD_STAGES, fit
+from evopem.automatic.fit import FOLD_STAGES, fit, recording_of
 from evopem.automatic.preparation.disturbance import LARGEST_ERROR, PROBES, probe_folds
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord, centred
-from evopem.automatic.state_space import recording_of
 from evopem.errors import InputError, NoModelError
 from evopem.models.orders import Orders
 from evopem.signals.recording import Segment

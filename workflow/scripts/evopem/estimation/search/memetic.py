@@ -37,18 +37,18 @@ def memetic_search(
     settings: SearchSettings,
     generator: np.random.Generator,
     log: Log | None = None,
-    known_minimum: float = np.inf,
     agreeing_restarts: int = AGREEING_RESTARTS,
     until_certified: bool = False,
 ) -> SearchResult:
-    """Minimise an objective globally; InputError when no value was finite.  Restarts that agree on
-    a value above ``known_minimum`` do not end the search.  ``until_certified``: restarts go on
-    after the check until a certificate, where all agree with up to twice the evaluations."""
+    """Minimise an objective globally; InputError when no value was finite.
+
+    ``until_certified``: restarts go on after the check until a certificate, where all agree with up
+    to twice the evaluations.
+    """
     search = _Search(problem, generator, log)
 
     def agreeing() -> int:
-        best = min(search.value, known_minimum)
-        return sum(same_optimum(minimum, best) for minimum in search.minima)
+        return sum(same_optimum(minimum, search.value) for minimum in search.minima)
 
     def agreed() -> bool:
         if until_certified and search.random_points:

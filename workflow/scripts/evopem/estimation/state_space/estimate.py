@@ -7,8 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from evopem.arrays import Array
-from evopem.blas_threads import one_blas_thread
+from evopem.arrays import Array, one_blas_thread
 from evopem.config.constraints import (
     Constraints,
     gains_of_other_inputs,

@@ -7,8 +7,7 @@ from typing import Any, Self, get_args
 
 import numpy as np
 
-from evopem.arrays import Array
-from evopem.blas_threads import one_blas_thread
+from evopem.arrays import Array, one_blas_thread
 from evopem.config.settings import OutputWeighting, SearchSettings
 from evopem.errors import LostModelError, NoModelError
 from evopem.estimation.criteria import (
