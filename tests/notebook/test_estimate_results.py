@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 import evopem
 from evopem.figures.time_domain import record
-from evopem.notebook.estimate import OF_RESULTS, EstimateResults
+from evopem.notebook.estimate_results import OF_RESULTS, EstimateResults
 from evopem.validation.checks.inputs import OTHER_SAMPLES
 
 mpl.use("agg")

@@ -1,11 +1,9 @@
-"""Estimate a model of any structure, ``evopem.estimate``, and the estimate that shows itself."""
+"""Estimate a model of any structure: ``evopem.estimate``."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,81 +13,19 @@ from evopem.arrays import Array
 from evopem.config.constraints import Constraints
 from evopem.config.settings import OutputWeighting, ScoringWindow, SearchSettings
 from evopem.config.structures import STATE_SPACE_FORMS, check_model
-from evopem.errors import FOR_RESULTS, InputError, check_packages
 from evopem.estimation.estimate import estimate_polynomial
-from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.models.constraint_checks import in_plain_numbers
 from evopem.models.orders import orders_in_state_space, orders_of
-from evopem.results.layout import FIGURES
+from evopem.notebook.estimate_results import PolynomialResults
 from evopem.signals.recording import Recording, recording_of
 
 if TYPE_CHECKING:
-    from evopem.notebook.results import Results
     from evopem.notebook.state_space import StateSpaceResults
 
 # Mean of a signal, in standard deviations, from which on it biases the poles noticeably.
 LEVEL_WARNING = 0.3
 # Share of an input that the inputs before it do not tell, below which it has nothing of its own.
 DEPENDENT = 1e-9
-OF_RESULTS = (
-    *("results", "summary", "validation", "checks", "verdict", "uses", "modes", "shapes"),
-    *("simulation_error_percent", "prediction_error_percent", "compare", "report", "save"),
-    *(f"plot_{name}" for name in (*FIGURES, "step_response", "impulse_response")),
-)
-OF_MODEL = ("simulate", "predict")
-
-
-class EstimateResults:
-    """The attributes of :class:`Results`, which are made when one of them is first asked for.
-
-    No sample was held out: the samples of the estimate judge it as well, and its checks say so.
-    """
-
-    asked: tuple[Any, ...]  # what :func:`.results_of_estimate` takes beside the estimate
-    model: Any
-    if TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any: ...  # of those above
-
-    @cached_property
-    def shown(self) -> Results:
-        """The results, as those of :func:`evopem.identify`."""
-        check_packages(FOR_RESULTS, "estimate", "the tables of the results")
-        return self._results()
-
-    def _results(self) -> Results:
-        from evopem.notebook.identify import results_of_estimate
-
-        return results_of_estimate(self, *self.asked)  # type: ignore[arg-type]
-
-    def __getstate__(self) -> object:
-        return {name: value for name, value in vars(self).items() if name != "shown"}
-
-    def __repr__(self) -> str:
-        try:
-            return repr(self.shown)
-        except (InputError, ValueError) as error:  # a package is missing, or samples
-            return f"{self.model}\n{error}"
-
-    def _repr_html_(self) -> str:
-        return self.shown._repr_html_()
-
-
-def _of(name: str, source: str) -> property:
-    doc = f"As of {'the model' if source == 'model' else ':class:`evopem.Results`'}."
-    return property(lambda self: getattr(getattr(self, source), name), doc=doc)
-
-
-for _source, _names in (("shown", OF_RESULTS), ("model", OF_MODEL)):
-    for _name in _names:
-        setattr(EstimateResults, _name, _of(_name, _source))
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class PolynomialResults(EstimateResults, PolynomialEstimate):
-    """An estimated polynomial model that summarizes, plots, compares and reports itself."""
-
-    asked: tuple[Any, ...] = field(kw_only=True)
 
 
 def estimate(

@@ -18,7 +18,7 @@ from evopem.estimation.frequency_fit import MOST_MODES, ResponseFit
 from evopem.estimation.state_space import estimate
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
 from evopem.files.atomic import save_arrays
-from evopem.notebook.estimate import EstimateResults
+from evopem.notebook.estimate_results import EstimateResults
 from evopem.signals.readers.frequency_responses import FrequencyResponses
 from evopem.signals.recording import Recording
 
