@@ -135,19 +135,22 @@ def _beside_rivals(
     choices: Sequence[Choice],
 ) -> ModeTable:
     """The modes of the first choice beside those of models for other purposes, if both have poles.
-    A finite response is chosen where the data call for none."""
-    if not choices[0].candidate.has_poles:
-        return table
-    fit_level = chosen.level_of_simulation == "state"
-    for choice in {rival.candidate.name: rival for rival in reversed(choices)}.values():
+
+    A finite response is chosen where the data call for none.
+    """
+    of_choice, fit_level = choices[0].candidate, chosen.level_of_simulation == "state"
+    seen = {of_choice.name}
+    for choice in reversed(choices):
         rival = choice.candidate
-        if rival.has_poles and rival.name != choices[0].candidate.name:
-            record = load(ModelRecord, files.other_model(choice.purpose))
-            if record.text == chosen.text:  # it serves in place of one that no descent ends at
-                continue
-            gain = prepared.estimation.samples * (choices[0].candidate.bic - rival.bic)
-            beside = modes_of(_of_orders(files, rival, record), rival.order, prepared, fit_level)
-            table = beside_rival(table, beside, record.text, gain)
+        if rival.name in seen or not (of_choice.has_poles and rival.has_poles):
+            continue
+        seen.add(rival.name)
+        record = load(ModelRecord, files.other_model(choice.purpose))
+        if record.text == chosen.text:  # it serves in place of one that no descent ends at
+            continue
+        gain = prepared.estimation.samples * (of_choice.bic - rival.bic)
+        beside = modes_of(_of_orders(files, rival, record), rival.order, prepared, fit_level)
+        table = beside_rival(table, beside, record.text, gain)
     return table
 
 

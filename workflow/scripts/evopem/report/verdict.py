@@ -40,8 +40,11 @@ ANSWERS: tuple[Answer, ...] = ("good", "care", "no")
 _WORDS: dict[Answer, str] = {"good": "good for", "care": "with care for", "no": "not for"}
 
 # Simulation errors, percent of the output's standard deviation, up to which a simulation is good
-# and of use at all: the report shows them beside the word. From the last on, a model is of no use.
-GOOD_SIMULATION, USABLE_SIMULATION, ERROR_OF_MEAN = 30.0, 60.0, 100.0
+# and of use at all: the report shows them beside the word.
+GOOD_SIMULATION = 30.0
+USABLE_SIMULATION = 60.0
+# The error of the mean of the output: a model that is no better is of no use.
+ERROR_OF_MEAN = 100.0
 # Half width of a 95 % band of the gain, %, from which on it is a rough one.
 WIDE_BAND = 25.0
 # Error of a good response, %, which 95 % of responses like it stay below.
@@ -256,9 +259,10 @@ def _frequency_response(results: DatasetResults) -> Use:
         text = f"its 95 % band {'is not known' if math.isnan(half) else wide}"
     findings: list[Finding] = [("good" if half <= WIDE_BAND else "care", text)]
     if off > GOOD_RESPONSE:
-        by = f"off by up to {percent(off, 2)}" if math.isfinite(off) else "not known"
-        text = f"{by} where the response is large (95 %), most at"
-        findings.append(("care", f"{text} {number(place, 3)}{THIN}Hz"))
+        text = f"off by up to {percent(off, 2)} where the response is large (95 %), most"
+        unknown = "its error is not known where the response is large, as"
+        text = text if math.isfinite(off) else unknown
+        findings.append(("care", f"{text} at {number(place, 3)}{THIN}Hz"))
     if results.model.has_input and is_number(error) and error >= USABLE_SIMULATION:
         # What the model leaves out of the response is not in the band.
         words = "it leaves" if results.of_responses else "simulations are off by"
