@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 import re
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
@@ -45,7 +46,7 @@ FORMS = {
     "ss_bj": "innovations next to Box-Jenkins",
 }
 _REMEDY = "give the model.json of a results folder"
-_LIBRARIES = ("numpy", "scipy", "numba")
+_LIBRARIES, _installed = ("numpy", "scipy", "numba"), cache(version)
 _FARTHEST = 10_000
 """Polynomials that reach back so many samples are none that anybody estimates."""
 
@@ -172,7 +173,7 @@ class ModelRecord:
             at_upper_ends=at_upper_ends,
             evopem=__version__,
             versions={"python": platform.python_version()}
-            | {library: version(library) for library in _LIBRARIES},
+            | {library: _installed(library) for library in _LIBRARIES},
         )
 
     @property

@@ -78,20 +78,22 @@ def write_table(path: str | Path, table: Mapping[str, Iterable[Any]] | pd.DataFr
 
     Floats are written exactly. A job that passes a mapping of arrays need not import pandas.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(table.keys())
-    columns = [_python_values(table[name]) for name in table.keys()]  # noqa: SIM118
-    writer.writerows(zip(*columns, strict=True))
+    columns = [[name, *_texts(table[name])] for name in table.keys()]  # noqa: SIM118
+    text, values = io.StringIO(), "".join(map("".join, columns))
+    if len(columns) > 1 and not any(mark in values for mark in ',"\r\n'):
+        # Twice as fast as a writer, which looks at each character.
+        text.writelines(f"{','.join(row)}\n" for row in zip(*columns, strict=True))
+    else:
+        csv.writer(text, lineterminator="\n").writerows(zip(*columns, strict=True))
     write_text(path, text.getvalue())
 
 
-def _python_values(column: Any) -> list[Any]:
-    """The values of an array, a Series or any iterable as Python objects, whose text is exact."""
+def _texts(column: Any) -> list[str]:
+    """The values of an array, a Series or any iterable in exact texts."""
     if hasattr(column, "notna"):  # pandas has its own missing values
         column = column.astype(object).where(column.notna(), None)
-    values = column.tolist() if hasattr(column, "tolist") else list(column)
-    return ["" if value is None or value != value else value for value in values]
+    values = column.tolist() if hasattr(column, "tolist") else column
+    return ["" if value is None or value != value else str(value) for value in values]
 
 
 def write_parquet(path: str | Path, table: pd.DataFrame) -> None:

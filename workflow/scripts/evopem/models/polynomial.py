@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -148,11 +149,12 @@ class PolynomialModel(Polynomials):
 
     def state_space(self) -> StateSpaceModel:
         """The same model in innovations form, states of the plant first, with its covariance."""
+        return self._state_space
+
+    @cached_property
+    def _state_space(self) -> StateSpaceModel:
         return innovations_form(
-            self.orders,
-            self.parameters,
-            self.level,
-            self.covariance,
+            *(self.orders, self.parameters, self.level, self.covariance),
             sampling_rate=self.sampling_rate,
             noise_covariance=np.array([[self.noise_variance]]),
             input_names=self.input_names,

@@ -27,7 +27,7 @@ from evopem.estimation.order_candidate import PhaseSelection
 from evopem.estimation.order_selection import complete_estimate
 from evopem.estimation.search.problem import Log
 from evopem.files.atomic import write_table
-from evopem.files.json_form import load, save
+from evopem.files.json_form import load, load_shared, save
 from evopem.models.mode_matching import with_spread
 from evopem.models.polynomial import Model, save_model_mat
 from evopem.models.response_tables import frequency_response_table, time_response_table
@@ -130,7 +130,7 @@ def complete_model(
     if window is not None:
         record = _selected(files, search, window, phases[-1], fit)
     else:
-        comparison = load(Comparison, files.decision("comparison"))
+        comparison = load_shared(Comparison, files.decision("comparison"))
         scored = Scored.load(files, settings, fits, of_choice=True)
         choice = comparison.choice(settings.purpose)
         with errors_name_dataset(files):
@@ -143,12 +143,15 @@ def complete_model(
             rivals = [scored.record.in_its_units(candidate.model) for candidate in known]
             spread = [rival.modes() for rival in rivals]
             record = replace(record, modes=with_spread(record.modes, spread))
+            models: dict[tuple[str, str], ModelRecord] = {}
             for purpose in others:
                 choice = comparison.choice(purpose)
-                given = choice, scored, search, replace(settings, evaluations=0)
-                other_model = _for_other_purpose(record, *given, fit.constraints)
-                modes = with_spread(other_model.modes, spread)
-                save(replace(other_model, modes=modes), files.other_model(purpose))
+                if (same := (choice.candidate.name, choice.level)) not in models:
+                    given = choice, scored, search, replace(settings, evaluations=0)
+                    other_model = _for_other_purpose(record, *given, fit.constraints)
+                    modes = with_spread(other_model.modes, spread)
+                    models[same] = replace(other_model, modes=modes)
+                save(models[same], files.other_model(purpose))
     with one_blas_thread():
         if hold is not None:
             data = load_prepared(files.prepared, files.transforms).estimation

@@ -21,7 +21,7 @@ from evopem.config.settings import AutomaticSettings
 from evopem.config.structures import NESTED
 from evopem.errors import InputError, NoModelError
 from evopem.estimation.search.problem import Log
-from evopem.files.json_form import load, save
+from evopem.files.json_form import load, load_shared, save
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import PreparedData, load_prepared
 
@@ -111,7 +111,7 @@ def choose(
     fits: CommonSettings,
 ) -> None:
     """Choose a model for each purpose among the candidates of all structures."""
-    searches = [load(StructureSearch, files.search(structure)) for structure in structures]
+    searches = [load_shared(StructureSearch, files.search(structure)) for structure in structures]
     scorer = Scored.load(files, settings, fits, of_choice=True).scorer
     with errors_name_dataset(files), one_blas_thread():
         comparison = compare_structures(scorer, searches)

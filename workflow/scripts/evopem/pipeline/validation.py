@@ -24,7 +24,7 @@ from evopem.estimation.order_candidate import Candidate as PhaseCandidate
 from evopem.estimation.order_candidate import PhaseSelection
 from evopem.files.atomic import write_table, write_text
 from evopem.files.checksums import delete_results
-from evopem.files.json_form import load, save
+from evopem.files.json_form import load, load_shared, save
 from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.pipeline.planning.stages import results_of
 from evopem.report.verdict_file import verdict_file
@@ -58,7 +58,7 @@ def complete_results(
     record, info = load(ModelRecord, files.model), load(RecordingInfo, files.recording_info)
     prepared = load_prepared(files.prepared, files.transforms)
     selections = {phase: load(PhaseSelection, files.phase(phase)) for phase in phases}
-    searches = [load(StructureSearch, files.search(structure)) for structure in structures]
+    searches = [load_shared(StructureSearch, files.search(structure)) for structure in structures]
     varying = load(Varying, files.varying) if settings.varying else None
     revised, all_decisions = None, None
     if phase is not None:
@@ -68,7 +68,7 @@ def complete_results(
         order, rows = record.plant_states, [{"model": record.text, "bic": record.bic}]
         models = _among({}, order, record)
     else:
-        comparison = load(Comparison, files.decision("comparison"))
+        comparison = load_shared(Comparison, files.decision("comparison"))
         revised = load(Revised, files.decision("revisions"))
         choice, rows = revised.choice, rows_of_structures(searches, comparison, revised)
         other_model = _errors_of_other(files, prepared, others[0]) if others else None

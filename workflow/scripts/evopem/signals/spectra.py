@@ -7,7 +7,7 @@ Piersol (2010), "Random Data", section 7.4 and chapter 9; Carter (1987).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,8 +31,6 @@ class Spectrum:
     frequencies: Array  # Hz, from 0 to the Nyquist frequency
     # unit² / Hz; the density's sum times the frequency step is the signal's variance
     density: Array
-    lower: Array  # the 95 % band
-    upper: Array
     degrees_of_freedom: Array  # of the chi-square distribution behind the band
     time_halfbandwidth: float  # NW
     tapers: int  # K = 2NW - 1
@@ -44,6 +42,20 @@ class Spectrum:
     def resolution_hz(self) -> float:
         """Smallest distance (Hz) at which two lines are resolved: 2W."""
         return 2.0 * self.halfbandwidth_hz
+
+    @cached_property
+    def lower(self) -> Array:
+        """Lower end of the 95 % band."""
+        return self._end((1.0 + CONFIDENCE) / 2.0)
+
+    @cached_property
+    def upper(self) -> Array:
+        """Upper end of the band."""
+        return self._end((1.0 - CONFIDENCE) / 2.0)
+
+    def _end(self, probability: float) -> Array:
+        freedom = self.degrees_of_freedom
+        return self.density * freedom / scipy.stats.chi2.ppf(probability, freedom)
 
 
 def multitaper_spectrum(
@@ -66,18 +78,9 @@ def multitaper_spectrum(
     if nfft % 2 == 0:
         density[-1] /= 2.0
     density *= float(spectra.variances[0]) / (density.sum() * sampling_rate / nfft)
-    tail = (1.0 - CONFIDENCE) / 2.0
     return Spectrum(
-        frequencies=spectra.frequencies,
-        density=density,
-        lower=density * freedom / scipy.stats.chi2.ppf(1.0 - tail, freedom),
-        upper=density * freedom / scipy.stats.chi2.ppf(tail, freedom),
-        degrees_of_freedom=freedom,
-        time_halfbandwidth=float(time_halfbandwidth),
-        tapers=spectra.tapers,
-        nfft=nfft,
-        segments=spectra.segments,
-        halfbandwidth_hz=spectra.halfbandwidth_hz,
+        *(spectra.frequencies, density, freedom, float(time_halfbandwidth), spectra.tapers, nfft),
+        *(spectra.segments, spectra.halfbandwidth_hz),
     )
 
 
