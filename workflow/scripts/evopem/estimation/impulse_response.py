@@ -75,11 +75,8 @@ def stable_spline(h: Array, n: int) -> tuple[Array, list[Array]]:
     return first - second, [first - second, -decay * (longer * first - 3.0 * last * second)]
 
 
-KERNELS: dict[str, Kernel] = {
-    "TC": tuned_correlated,
-    "DC": diagonal_correlated,
-    "SS": stable_spline,
-}
+KERNELS: dict[str, Kernel] = {"TC": tuned_correlated, "DC": diagonal_correlated}
+KERNELS["SS"] = stable_spline
 
 
 @dataclass(frozen=True, eq=False)

@@ -91,8 +91,7 @@ def load_shared(kind: type[T], path: str | Path) -> T:
     """As :func:`load`: the same object, which nobody may change, while a file stays the same."""
     about = Path(path).stat() if Path(path).exists() else None
     known = about and (about.st_ino, about.st_mtime_ns, about.st_size)
-    value: T = _loaded(kind, str(path), known)
-    return value
+    return _loaded(kind, str(path), known)
 
 
 _loaded: Any = lru_cache(maxsize=16)(lambda kind, path, _: load(kind, path))

@@ -40,14 +40,10 @@ def estimate_spectrum(files: DatasetFiles, settings: SpectrumSettings) -> None:
         name: of_channels(spectra, name)[:, :, None] for name in ("density", "lower", "upper")
     }
     if response is not None:
-        columns |= {
-            "input_density": of_channels(of_inputs, "density")[:, None],
-            "frequency_response_gain": response.gain,
-            "frequency_response_gain_lower": response.gain_lower,
-            "frequency_response_gain_upper": response.gain_upper,
-            "frequency_response_phase_deg": response.phase_deg,
-            "coherence": response.coherence[:, :, None],
-        }
+        columns["input_density"] = of_channels(of_inputs, "density")[:, None]
+        shown = "gain", "gain_lower", "gain_upper", "phase_deg"
+        columns |= {f"frequency_response_{name}": getattr(response, name) for name in shown}
+        columns["coherence"] = response.coherence[:, :, None]
     names = recording.output_names, recording.input_names
     table = by_pair(*names, "frequency_hz", spectra[0].frequencies, columns)
     if response is None:

@@ -53,15 +53,9 @@ class Scored:
         if delay.shortest:
             orders = replace(orders, nk=(delay.shortest, prepared.estimation.samples))
         limits = OrderLimits(None if structure == "state_space" else structure, orders, names)
-        scorer = Scorer(
-            record.stretches,
-            load(FoldPlan, files.decision("folds")),
-            replace(fits, objective=record.plan.objective),
-            limits,
-            delay.delays,
-            delay.likely,
-            delay.early,
-        )
+        common = replace(fits, objective=record.plan.objective)
+        folds, delays = load(FoldPlan, files.decision("folds")), (delay.delays, delay.likely)
+        scorer = Scorer(record.stretches, folds, common, limits, *delays, delay.early)
         return cls(prepared, record, scorer)
 
 

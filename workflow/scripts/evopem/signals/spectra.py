@@ -146,14 +146,9 @@ def frequency_response(
     quantile = scipy.stats.t.ppf(0.5 + CONFIDENCE / 2.0, residual_freedom)
     left = s_yy * (1.0 - coherence) * (quantile**2 / residual_freedom)[:, None]
     radius = np.sqrt(left[:, :, None] * np.einsum("fii->fi", inverse).real[:, None, :])
-    return FrequencyResponse(
-        frequencies=estimates.frequencies,
-        response=response,
-        gain_lower=np.maximum(np.abs(response) - radius, 0.0),
-        gain_upper=np.abs(response) + radius,
-        coherence=coherence,
-        degrees_of_freedom=freedom,
-    )
+    gain = np.abs(response)
+    ends = np.maximum(gain - radius, 0.0), gain + radius
+    return FrequencyResponse(estimates.frequencies, response, *ends, coherence, freedom)
 
 
 class _Spectra(NamedTuple):
