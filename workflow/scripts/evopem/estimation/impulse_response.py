@@ -83,8 +83,8 @@ KERNELS["SS"] = stable_spline
 class Evidence:
     """Marginal likelihood of a reduced regression ``y = X b + e``, its rows as many as needed.
 
-    ``blocks``: columns (k, n_i) of X of each input; ``target`` (k,) y; ``samples`` that they stand
-    for, those taken by levels not counted.
+    ``blocks``: columns (k, n_i) of X of each input, but for last rows of zeros; ``target`` (k,) y;
+    ``samples`` that they stand for, those taken by levels not counted.
     """
 
     blocks: tuple[Array, ...]
@@ -111,7 +111,7 @@ class Evidence:
         power = float(whitened @ whitened)
         weighted, gradient = inverse.T @ whitened, []
         for x, (_, derivatives) in zip(self.blocks, priors, strict=True):
-            half, b = inverse @ x, x.T @ weighted
+            half, b = inverse[:, : len(x)] @ x, x.T @ weighted[: len(x)]
             by_p = half.T @ half - np.outer(b, b) * (self.samples / power)
             gradient += [float(np.vdot(by_p, by_hyper)) for by_hyper in derivatives]
         return value, np.array(gradient)
@@ -124,7 +124,7 @@ class Evidence:
         for priors of such a scale that rounding leaves nothing."""
         covariance = np.eye(len(self.target))
         for x, p in zip(self.blocks, priors, strict=True):
-            covariance += x @ p @ x.T
+            covariance[: len(x), : len(x)] += x @ p @ x.T
         try:
             lower = np.linalg.cholesky(covariance)
         except np.linalg.LinAlgError:
@@ -321,7 +321,8 @@ def delay_evidence(past: Array, lagged: Array, target: Array, samples: int, dela
         first = delays[place]
         columns = past, lagged[:, first : first + LAGS], target[:, None] / size
         r: Array = np.asarray(np.linalg.qr(np.hstack(columns), mode="r"))
-        return Evidence((r[:, : past.shape[1]], r[:, past.shape[1] : -1]), r[:, -1], samples)
+        p = past.shape[1]
+        return Evidence((r[:p, :p], r[:, p:-1]), r[:, -1], samples)
 
     return _lowest_values(evidence, len(delays)) + 2.0 * samples * np.log(size)
 
