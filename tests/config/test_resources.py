@@ -66,7 +66,7 @@ def test_the_automatic_recipe_asks_by_the_size_of_recordings_and_compares_output
     found = dataset(f"file: a.csv, validation_file: b.csv, input: [1, 4], output: {outputs}")
     assert configuration.estimation_memory(found, threads=1, attempt=1) == megabytes
     assert configuration.estimation_time(found, None, "auto", threads=1, attempt=1) == 60 + 960
-    assert configuration.recording_seconds(found) == 5 + 800
+    assert configuration.recording_seconds(found) == 3.5 + 200
 
 
 @pytest.mark.parametrize(

@@ -145,7 +145,7 @@ def batches_of(
 MARGIN_MINUTES = 10
 """Of every job that estimates."""
 
-SECONDS_OF_RECIPE = 5.0
+SECONDS_OF_RECIPE = 3.5
 """Processor time of a short recording by the automatic recipe."""
 
 
@@ -201,7 +201,7 @@ def recording_seconds(settings: DatasetSettings) -> float:
     A few times too many samples, as of :func:`max_samples`, do no harm here.
     """
     if settings.automatic is not None:
-        return SECONDS_OF_RECIPE + 4e-4 * max_samples(settings)
+        return SECONDS_OF_RECIPE + 1e-4 * max_samples(settings)
     structure, grid = settings.order_grid.structure, settings.order_grid
     count = sum(max_candidates_per_part(phase, grid, "auto") for phase in phases_of(structure))
     return 1.0 + count * (0.05 + 6e-8 * _largest_fit(settings))

@@ -318,10 +318,9 @@ def delay_evidence(past: Array, lagged: Array, target: Array, samples: int, dela
 
     @cache
     def evidence(place: int) -> Evidence:
-        first = delays[place]
+        first, p = delays[place], past.shape[1]
         columns = past, lagged[:, first : first + LAGS], target[:, None] / size
         r: Array = np.asarray(np.linalg.qr(np.hstack(columns), mode="r"))
-        p = past.shape[1]
         return Evidence((r[:p, :p], r[:, p:-1]), r[:, -1], samples)
 
     return _lowest_values(evidence, len(delays)) + 2.0 * samples * np.log(size)
