@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.automatic.candidate_checks import feedback_test
 from evopem.automatic.candidates import OrderLimits, Scorer
 from evopem.automatic.cross_validation.folds import decide_folds
 from evopem.automatic.fit import CommonSettings
@@ -18,8 +17,8 @@ from evopem.config.settings import OrderRanges
 from evopem.estimation import delays as estimation_delays
 from evopem.estimation.delays import delays_by_criterion, is_of_feedback, longest_delay
 from evopem.models.orders import Orders
-from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Segment
+from evopem.validation.model_class import feedback_test
 
 POLES = [0.97 * np.exp(0.08j), 0.97 * np.exp(-0.08j), 0.9 * np.exp(0.2j), 0.9 * np.exp(-0.2j)]
 
@@ -173,14 +172,11 @@ def test_delays_of_many_inputs_in_short_pieces_are_decided():
 
 
 def test_feedback_of_an_output_is_found_in_any_units():
-    generator, zeros = np.random.default_rng(3), np.zeros
+    generator = np.random.default_rng(3)
     y, r = generator.standard_normal((1500, 2)), generator.standard_normal(1500)
     u = r + 0.5 * np.concatenate([[0.0], y[:-1, 0]])
-    model = StateSpaceModel(  # that predicts nothing: residuals are the outputs
-        *(zeros((1, 1)), zeros((1, 1)), zeros((2, 1)), zeros((2, 1)), zeros((1, 2))),
-        *(1.0, zeros(2), np.eye(2)),
-    )
-    tests = [feedback_test(model, [Segment(u, y * [unit, 1.0])]) for unit in (1.0, 1e-9)]
+    direct = np.zeros(1, dtype=bool)
+    tests = [feedback_test([(y * [unit, 1.0], u[:, None])], direct) for unit in (1.0, 1e-9)]
     assert tests[0].p_value < 1e-20
     assert tests[1].p_value == pytest.approx(tests[0].p_value, rel=1e-3)
 

@@ -1,11 +1,10 @@
-"""What the checks of the report say of a candidate, and what its residuals say of feedback."""
+"""What the checks of the report say of a candidate."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from scipy.special import chdtrc
 
 from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import Model, prediction_errors
@@ -32,8 +31,6 @@ from evopem.validation.checks.roots import (
     INSIDE_BOUND,
     cancelling_pairs,
 )
-from evopem.validation.held_out_tests import left_by, scores_statistic
-from evopem.validation.model_class import ResidualTest
 from evopem.validation.residual_tests import (
     Residuals,
     autocorrelation_of,
@@ -205,38 +202,3 @@ def _earlier_delays(tested: _Residuals, delays: tuple[int, ...]) -> tuple[int, .
             before = correlation.lag[large & (correlation.lag >= 0) & (correlation.lag < delay)]
             earlier[column] = min([earlier[column], *before.tolist()])
     return tuple(earlier)
-
-
-def feedback_test(model: Model, stretches: Sequence[Segment]) -> ResidualTest:
-    """Test that no input depends on past residuals, and the share of it that they explain.
-
-    Each input is regressed on its own past without and with past residuals (Granger 1969), in the
-    longest stretch; of several inputs the lowest p-value counts, times their number.  Its past
-    comes with squares and cubes: of these, too, are the residuals of a nonlinear system, and of
-    one whose errors grow with the input the scores' own mean squares tell what is chance (White
-    1980).  The share is that of what its own past leaves, beyond what unrelated residuals explain.
-    """
-    stretch = max(stretches, key=lambda stretch: stretch.samples)
-    e = prediction_errors(model, stretch)
-    inputs = stretch.inputs[stretch.samples - len(e) :]
-    lowest = min((_of_input(u, e) for u in inputs.T), key=lambda test: test.p_value)
-    return replace(lowest, p_value=min(1.0, lowest.p_value * inputs.shape[1]))
-
-
-def _of_input(u: Array, e: Array) -> ResidualTest:
-    n, lags = len(e), min(10, len(e) // (15 * e.shape[1]))
-    if lags < 1:
-        return ResidualTest(1.0, 0.0)
-    u, e = (u - u.mean()) / max(float(np.std(u)), 1e-300), e / np.maximum(np.std(e, 0), 1e-300)
-    past = [u[lags - k : n - k] for k in range(1, lags + 1)]
-    known = np.column_stack([np.ones(n - lags), *(x**power for power in (1, 2, 3) for x in past)])
-    errors = np.column_stack([x[lags - k : n - k] for x in e.T for k in range(1, lags + 1)])
-    left = left_by(known, np.column_stack([errors, u[lags:]]))
-    errors, new = left[:, :-1], left[:, -1]
-    point, _, rank, _ = np.linalg.lstsq(errors, new, rcond=None)
-    freedom = len(new) - known.shape[1] - int(rank)
-    rest = float(np.sum((new - errors @ point) ** 2))
-    if freedom < 1 or rank < 1 or not rest > 0.0:
-        return ResidualTest(1.0, 0.0)
-    beyond = 1.0 - rest / float(np.sum(new**2)) - rank / len(new)
-    return ResidualTest(float(chdtrc(int(rank), scores_statistic([left]))), max(float(beyond), 0.0))

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from evopem.automatic.candidate_checks import BY_CHANCE, feedback_test
+from evopem.automatic.candidate_checks import BY_CHANCE
 from evopem.automatic.candidates import (
     BIC,
     SIMULATION_BIC,
@@ -39,8 +39,10 @@ from evopem.automatic.revision_orders import with_noise_models
 from evopem.config.settings import Purpose
 from evopem.errors import NoModelError
 from evopem.models.orders import changed
+from evopem.models.polynomial import state_space_of
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
 from evopem.validation.checks.roots import INSIDE_BOUND
+from evopem.validation.model_class import acts_at_once, feedback_test
 
 Level = Literal["constant", "state"]
 # Largest held-out simulation errors, against the lowest ones, of a model that is taken for its
@@ -314,7 +316,11 @@ def _by_likelihood(
 
 def _is_fed_back(scorer: Scorer, candidate: Candidate) -> bool:
     """Whether the input depends on past residuals; a missed nonlinearity can look so, weakly."""
-    feedback = feedback_test(candidate.model, scorer.stretches)
+    errors = [prediction_errors(candidate.model, stretch) for stretch in scorer.stretches]
+    parts = [
+        (e, s.inputs[s.samples - len(e) :]) for e, s in zip(errors, scorer.stretches, strict=True)
+    ]
+    feedback = feedback_test(parts, acts_at_once(state_space_of(candidate.model)))
     weak = feedback.share < WEAK and _misses_response(scorer, candidate)
     return feedback.p_value < BY_CHANCE and not weak
 

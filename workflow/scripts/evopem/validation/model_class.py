@@ -15,6 +15,7 @@ from numpy.polynomial.legendre import legvander
 from scipy.special import chdtrc
 
 from evopem.arrays import Array, Flags
+from evopem.models.state_space import StateSpaceModel
 from evopem.signals.least_squares import ROWS, autoregression, triangle_of
 from evopem.signals.spectra import goes_on, repetition_lag
 from evopem.validation.held_out_tests import (
@@ -105,7 +106,8 @@ def model_class(records: Sequence[HeldOut]) -> ModelClass:
         judged = linear.p_value < SIGNIFICANCE and bool(parts[0].of_powers)
         powers = _alone(parts, _nonlinear).max(axis=0) if judged else np.empty(0)
         given = changed_at, period, tuple(powers.tolist())
-        tests = ModelClass(constant, linear, _feedback(parts), *given)
+        feedback = feedback_test([(of.residuals, of.inputs) for of in parts], parts[0].direct)
+        tests = ModelClass(constant, linear, feedback, *given)
         return replace(tests, follows=_following(parts, tests, changing))
 
 
@@ -129,12 +131,10 @@ class _Stretch:
     @classmethod
     def of(cls, record: HeldOut) -> Self:
         """Of all samples but those that states are fitted to."""
-        model, u = record.plant, record.inputs
+        model, u, outputs = record.plant, record.inputs, record.outputs
         first = unscored_samples(record.model, len(u))
-        outputs = record.outputs
         residuals = outputs - record.predicted_from_start()
-        delays = model.delays
-        direct = np.any(model.D, axis=0) & (np.array(delays) == 0)
+        direct = acts_at_once(model)
         if not model.inputs:
             past = np.vstack([outputs[:1], outputs[:-1]])
             return cls(
@@ -145,8 +145,8 @@ class _Stretch:
             model.simulate(np.std(u, axis=0) * scaled**power)[first:] for power in (2, 3)
         )
         simulated = record.simulated_from_rest()
-        late = [u[: len(u) - d, k] for k, d in enumerate(np.maximum(np.array(delays) - LAGS, 0))]
-        lost = _lost([np.pad(v, (len(u) - len(v), 0)) for v in late], first)
+        late = np.maximum(np.array(model.delays) - LAGS, 0)
+        lost = _lost([np.pad(u[: len(u) - d, k], (d, 0)) for k, d in enumerate(late)], first)
         return cls(residuals[first:], simulated[first:], u[first:], direct, lost, of_powers)
 
 
@@ -344,21 +344,27 @@ def _moment(stretches: Sequence[_Stretch], gradual: float) -> float:
     return sudden * float((place + 1) / (MOMENTS + 1) * len(stretches[0].inputs))
 
 
-def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
+def acts_at_once(model: StateSpaceModel) -> Flags:
+    """Whether each input acts on the same sample, (m,)."""
+    return np.asarray(np.any(model.D, axis=0) & (np.array(model.delays) == 0))
+
+
+def feedback_test(parts: Sequence[tuple[Array, Array]], direct: Flags) -> ResidualTest:
     """Test of correlations of residuals with later inputs, each whitened (Haugh 1976), by scores.
+
     Squares and cubes of the input's past count as known: residuals of a nonlinear system depend on
-    them, and so may later samples of an input that is not normal. Where the plant has a delay,
-    those of the same sample, which most controllers act on, count too. Later samples of a periodic
-    input are earlier ones too, which what the model misses depends on: it is not tested, and its
-    periods are alike as those of an input with noise would not be."""
-    first, tests, periodic = stretches[0], [], []
-    pairs = list(np.ndindex(first.residuals.shape[1], first.inputs.shape[1]))
-    for output, place in pairs:
+    them, and so may later samples of an input that is not normal.  Of inputs that are not
+    ``direct`` those of the same sample, which most controllers act on, count too.  A periodic input
+    is not tested: its later samples are earlier ones too, and its periods are alike, as those of an
+    input with noise would not be.  ``parts``: residuals (N, l) and inputs (N, m) of each stretch.
+    """
+    tests, periodic, count = [], list[bool](), parts[0][0].shape[1] * len(direct)
+    for output, place in np.ndindex(parts[0][0].shape[1], len(direct)):
         # Of the same sample, and of later ones.
         statistics, freedom, samples, explained = np.zeros(2), np.zeros(2, dtype=int), 0, 0.0
-        lags = [repetition_lag(stretch.inputs[:, place]) for stretch in stretches]
-        for stretch, lag in zip(stretches, lags, strict=True):
-            e, u = stretch.residuals[:, output], stretch.inputs[:, place]
+        lags = [repetition_lag(inputs[:, place]) for _, inputs in parts]
+        for (residuals, inputs), lag in zip(parts, lags, strict=True):
+            e, u = residuals[:, output], inputs[:, place]
             if len(e) < FEWEST_PER_REGRESSOR * LATER or not np.ptp(e) > 0.0 < np.ptp(u):
                 periodic.append(False)
                 continue
@@ -370,14 +376,14 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
             products = [e[-n : len(e) - k] * u[k - n :] for k in range(LATER + 1)]
             sizes = [np.array([p @ p + 1e-300, n * np.var(e) * np.var(u)]) for p in products]
             terms = np.array([np.sum(p) ** 2 for p in products])[:, None] / sizes
-            terms[0] *= not stretch.direct[place]
+            terms[0] *= not direct[place]
             statistics += terms[0, 0], np.sum(terms[1:, 0])
             explained += float(np.sum(terms[:, 1]))
-            freedom += not stretch.direct[place], LATER
+            freedom += not direct[place], LATER
             samples += n
         if freedom[1]:
             probable = chdtrc(np.maximum(freedom, 1), statistics)
-            p_value = min(2 * len(pairs) * float(np.min(probable)), 1.0)
+            p_value = min(2 * count * float(np.min(probable)), 1.0)
             # Without what unrelated signals have by chance.
             beyond = max((explained - float(np.sum(freedom))) / samples, 0.0)
             tests.append(ResidualTest(p_value, beyond))
