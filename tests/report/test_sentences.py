@@ -291,7 +291,7 @@ def test_residual_tests(results):
     assert "is expected of white innovations after this fit: p" in text
     assert f"at lags −{validation.correlation_lags} to" in text
     (pair,) = validation.pairs
-    assert f"the largest is {number(pair.max_in_bounds, 3)} times its bound" in text
+    assert f"the largest is {number(pair.max_in_bounds, 3)} times its 95 % bound" in text
 
 
 def test_residual_tests_that_were_not_possible(results):
@@ -299,7 +299,7 @@ def test_residual_tests_that_were_not_possible(results):
     unknown = identified.with_outcome(
         results,
         outputs={"autocorrelation_share_inside95": math.nan, "ljung_box": test},
-        pairs={"share_inside95": math.nan},
+        pairs={"p_value": math.nan},
     )
     assert told_of("residual_correlation", unknown) == [
         "The autocorrelation of the residuals is not known. The Ljung-Box test was not possible."

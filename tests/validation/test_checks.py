@@ -127,7 +127,7 @@ def good(real):
                     outlier_percent=0.0,
                 ),
             ),
-            pairs=(replace(pair, share_inside95=0.95, max_in_bounds=1.4),),
+            pairs=(replace(pair, p_value=0.6, max_in_bounds=1.4),),
             inputs=(replace(source, excitation_order=4, excitation_needed=4),),
         ),
         real.phases,
@@ -207,7 +207,7 @@ def test_a_cancellation_of_unknown_uncertainty_is_not_judged(good):
     ("test", "number", "name"),
     [
         ("pairs", "max_in_bounds", "Residuals"),
-        ("pairs", "share_inside95", "Residuals"),
+        ("pairs", "p_value", "Residuals"),
     ],
 )
 def test_a_correlation_that_could_not_be_computed_is_not_judged(good, test, number, name):
@@ -266,8 +266,8 @@ def test_several_outputs_and_pairs_are_judged_together(good):
     check = good.with_("validation", pairs=(pair, large)).check("Residuals")
     assert check.passed is False
     assert check.statement.endswith("Dependent: b with v.")
-    few = replace(pair, output="b", share_inside95=0.898)
-    for pairs, passed in (((few,), False), ((pair, few), True)):
+    low = replace(pair, output="b", p_value=0.006)
+    for pairs, passed in (((low,), False), ((pair, low), True)):
         assert good.with_("validation", pairs=pairs).check("Residuals").passed is passed
 
 
@@ -290,13 +290,13 @@ def test_one_large_cross_correlation_fails(good):
 
 
 def test_largest_of_many_cross_correlations_fails_good_models_rarely(good):
-    """The allowed maximum holds its level: 1 % of independent white pairs exceed it."""
+    """Of independent white pairs 1 % exceed the allowed maximum, next to none the sum of squares."""
     rng = np.random.default_rng(1)
     failed = 0
     for _ in range(300):
         found = correlation_with_input(rng.normal(size=1500), rng.normal(size=1500), 200)
         check = good.with_(
-            "pairs", share_inside95=found.share_inside, max_in_bounds=found.largest_ratio
+            "pairs", p_value=found.p_value, max_in_bounds=found.largest_ratio
         ).check("Residuals")
         failed += check.passed is False
     assert failed <= 10  # expectation 3; more than 10 has a probability below 0.1 %
@@ -666,7 +666,7 @@ def test_one_cause_of_two_failed_checks_counts_once(good, follows, follower, cau
 
 def test_what_a_response_lacks_that_is_not_there_counts_once(good):
     tests = replace(good.validation.model_class, linear=ResidualTest(1e-6, 0.05))
-    given = good.with_("validation", model_class=tests).with_("pairs", share_inside95=0.5)
+    given = good.with_("validation", model_class=tests).with_("pairs", p_value=1e-3)
     assert [check.name for check in failed_checks(given.checks)] == [
         "Residuals independent of the input",
         "Linear",
@@ -683,7 +683,7 @@ def test_residuals_follow_from_a_wrong_class_where_no_revision_mended_them(
 ):
     name = "Residuals independent of the input"
     tests = replace(good.validation.model_class, **{failing: ResidualTest(1e-6, 0.05)})
-    given = good.with_("validation", model_class=tests).with_("pairs", share_inside95=0.5)
+    given = good.with_("validation", model_class=tests).with_("pairs", p_value=1e-3)
     revised = None if revisions is None else (f"White residuals and {name}",) * revisions
     judged = checks(Evidence(given.model, given.validation, given.recording, (), revised))
     (found,) = [check for check in judged if check.name == name]
@@ -727,7 +727,7 @@ def test_a_model_at_the_floor_names_what_no_linear_model_removes(good):
 def test_failed_tests_of_residuals_name_distortion_that_is_shown(good, p_value, shown, rest):
     parts = ErrorParts("y", 6.4, Part(1, 1, 1), Part(4.9, 4.0, 5.8), Part(rest, rest, rest))
     found = Distortion("", "validation", 64, 3, 1, p_value, False, (parts,))
-    correlated = good.with_("pairs", share_inside95=0.8)
+    correlated = good.with_("pairs", p_value=1e-3)
     assert "istortion" not in correlated.check("Residuals independent").statement
     assert good.with_("validation", distortion=found).checks == good.checks
     failed = correlated.with_("validation", distortion=found).check("Residuals independent")

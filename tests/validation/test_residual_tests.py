@@ -89,6 +89,34 @@ def test_cross_correlation_bound_covers_95_percent_for_coloured_signals():
     assert np.mean(inside_white) < 0.85
 
 
+@pytest.mark.parametrize("pole", [0.0, 0.8])
+@pytest.mark.parametrize("held", [1, 50])
+def test_cross_correlations_that_hang_together_hold_their_level(pole, held):
+    """As many as 15 % of such pairs have less than 90 % of the correlations inside their bounds."""
+    rng, few, significant = np.random.default_rng(8), 0, 0
+    for _ in range(200):
+        u = np.repeat(rng.normal(size=3000 // held), held)
+        e = lfilter([1.0], [1, -pole], rng.normal(size=3000))
+        found = correlation_with_input(e, u)
+        few, significant = few + (found.share_inside < 0.9), significant + (found.p_value < 0.05)
+    assert significant <= 20  # expectation 10; more has a probability below 0.2 %
+    assert (few >= 10) == (held > 1)
+
+
+@pytest.mark.parametrize("held", [20, 50])
+def test_a_slow_response_that_is_missed_is_found_in_all_cross_correlations_together(held):
+    """6 % of the variance of residuals, spread over more lags than show it one by one."""
+    rng, together, one = np.random.default_rng(9), 0, 0
+    for _ in range(40):
+        u = np.repeat(rng.normal(size=600 // held), held)
+        missed = lfilter([1.0], [1, -0.9], u)
+        e = rng.normal(size=600) + np.sqrt(0.06) * missed / missed.std()
+        found = correlation_with_input(e, u)
+        together, one = together + (found.p_value < 0.01), one + (found.largest_ratio > 2.15)
+    assert together >= 20
+    assert one <= together
+
+
 def test_cross_correlation_bound_of_white_residuals_is_that_of_white_signals():
     rng = np.random.default_rng(7)
     u = lfilter([1.0], [1, -0.9], rng.normal(size=4000))
@@ -104,6 +132,7 @@ def test_constant_signals_have_no_correlation():
     found = correlation_with_input(np.zeros(20), np.arange(20.0), 4)
     assert found.table("cross_correlation")["cross_correlation"].isna().all()
     assert np.isnan(found.share_inside)
+    assert np.isnan(found.p_value)
 
 
 def test_scores_by_hand():

@@ -182,7 +182,7 @@ class _Residuals(Residuals):
             if np.ptp(u) > 0.0 and np.ptp(e) > 0.0
         ]
         independent = [
-            are_independent(pair.largest_ratio, pair.share_inside, int(pair.lag[-1]), len(pairs))
+            are_independent(pair.largest_ratio, pair.p_value, int(pair.lag[-1]), len(pairs))
             for pair in pairs
         ]
         failed += [] if all(independent) else [INDEPENDENT_OF_INPUT]

@@ -18,6 +18,8 @@ from evopem.estimation.pem.covariance import density_at_zero
 from evopem.models.parameter_covariance import NORMAL_95, ParameterCovariance
 from evopem.models.states import delayed, states_of
 from evopem.signals import spectra as signals
+from evopem.signals.least_squares import autoregression
+from evopem.validation.held_out_tests import MOST_WHITENING
 from evopem.validation.responses import HeldOut, unscored_samples
 
 if TYPE_CHECKING:
@@ -102,7 +104,10 @@ def weighted_chi_square_tail(value: float, weights: ArrayLike) -> float:
     48:419, eq. 5.1), exact for equal weights and to 0.002 where the probability is below 0.1.
     """
     lam = np.asarray(weights, dtype=float)
-    mean, square, cube = (float(np.sum(lam**power)) for power in (1, 2, 3))
+    return _tail(value, *(float(np.sum(lam**power)) for power in (1, 2, 3)))
+
+
+def _tail(value: float, mean: float, square: float, cube: float) -> float:
     if not (cube > 0.0 and math.isfinite(value)):
         return math.nan
     freedom = square**3 / cube**2
@@ -205,6 +210,7 @@ class ResidualCorrelation:
     lag: Integers  # (L,)
     values: Array  # (L,) Normalised to ±1; ``nan`` where a series does not vary
     bound95: Array  # (L,) 95 % bound of each, were the residuals white and independent of the input
+    p_value: float = math.nan  # of the sum of squares of those with an input
 
     @property
     def largest_ratio(self) -> float:
@@ -284,7 +290,9 @@ def correlation_with_input(
 
     At positive lags the residual follows the input: dynamics that the model missed; at negative
     lags it precedes it: feedback.  For independent e and u, √N R_eu is asymptotically normal with
-    variance Σ_k R_e(k) R_u(k) (Ljung 1999, section 16.6).
+    variance Σ_k R_e(k) R_u(k), and its covariance with that at a lag h away is Σ_k R_e(k) R_u(k + h)
+    (Ljung 1999, section 16.6).  By these, with R_e of an autoregression, the sum of their squares
+    is a weighted sum of chi-square variables: those of a slow input hang together.
     """
     e, u = np.asarray(residuals, dtype=float), np.asarray(inputs, dtype=float)
     lags = min(lags, e.size - 1)
@@ -301,4 +309,10 @@ def correlation_with_input(
     power_u = np.abs(np.fft.fft(u - u.mean(), length)) ** 2
     variance = np.mean(power_e * power_u) / (np.mean(power_e) * np.mean(power_u))
     bound = np.full(lag.size, NORMAL_95 * math.sqrt(variance / samples))
-    return ResidualCorrelation(lag, correlation, bound)
+    shape = np.abs(np.fft.fft(autoregression(e - e.mean(), MOST_WHITENING), length)) ** -2
+    related = np.fft.ifft(shape * power_u).real[: lag.size] / (np.mean(shape) * np.mean(power_u))
+    covariance = scipy.linalg.toeplitz(related)
+    square = covariance @ covariance
+    moments = (float(np.sum(part * covariance)) for part in (np.eye(lag.size), covariance, square))
+    p_value = _tail(samples * float(correlation @ correlation), *moments)
+    return ResidualCorrelation(lag, correlation, bound, p_value)

@@ -138,7 +138,7 @@ def validate(
         outputs=outputs,
         inputs=_inputs(model, prepared, unseen, input_test),
         pairs=tuple(
-            PairCorrelation(*names, pair.share_inside, pair.largest_ratio)
+            PairCorrelation(*names, pair.p_value, pair.largest_ratio)
             for names, pair in crossed
         ),
         horizons=horizons,

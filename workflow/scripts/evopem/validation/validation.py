@@ -103,7 +103,7 @@ class PairCorrelation:
 
     output: str
     input: str
-    share_inside95: float  # 0 to 1
+    p_value: float  # of the sum of squares of all correlations
     max_in_bounds: float  # largest correlation, in units of its bound
 
 

@@ -21,9 +21,6 @@ from evopem.validation.model_class import SMALL_SHARE, ResidualTest
 from evopem.validation.spectra import PeakEvidence
 from evopem.validation.validation import Validation
 
-# With a coloured input, cross-correlations at neighbouring lags are dependent, so the share inside
-# the bounds varies more than a binomial one: standard deviation.
-CROSS_CORRELATION_SHARE = 0.05 / 3.0
 # Probability that the share of white autocorrelations inside their bounds is too small by chance:
 # three standard deviations.
 SHARE_LEVEL = 0.00135
@@ -65,15 +62,13 @@ def are_white(p_value: float, share: float, lags: int, outputs: int = 1) -> bool
     return p_value >= SIGNIFICANCE / outputs and share >= _least_share(lags, outputs)
 
 
-def are_independent(largest: float, share: float, lags: int, pairs: int = 1) -> bool:
+def are_independent(largest: float, p_value: float, lags: int, pairs: int = 1) -> bool:
     """Whether the cross-correlations of residuals and input are as small as chance makes them.
 
-    ``largest`` in its 95 % bounds, ``share`` of them inside, up to ``lags`` of both signs of
+    ``largest`` in its 95 % bounds, up to ``lags`` of both signs, and ``p_value`` of all, of
     ``pairs`` of outputs and inputs, judged together by Bonferroni's bound.
     """
-    allowed = largest_by_chance((2 * lags + 1) * pairs)
-    least = 0.95 + float(ndtri(SHARE_LEVEL / pairs)) * CROSS_CORRELATION_SHARE
-    return largest <= allowed and share >= least
+    return largest <= largest_by_chance((2 * lags + 1) * pairs) and p_value >= SIGNIFICANCE / pairs
 
 
 def _least_share(lags: int, outputs: int) -> float:
@@ -148,27 +143,26 @@ def input_independence(evidence: Evidence) -> Found | None:
     pairs, lags = evidence.validation.pairs, evidence.validation.correlation_lags
     if not pairs:
         return None
-    if any(math.isnan(pair.share_inside95) or math.isnan(pair.max_in_bounds) for pair in pairs):
+    if any(math.isnan(pair.p_value) or math.isnan(pair.max_in_bounds) for pair in pairs):
         unknown = "The cross-correlation of residuals and input could not be computed:"
         remedy = "Use a record whose input varies, or fewer parameters."
         return None, f"{unknown} one of them is constant.", remedy
     dependent = [
         f"{pair.output} with {pair.input}"
         for pair in pairs
-        if not are_independent(pair.max_in_bounds, pair.share_inside95, lags, len(pairs))
+        if not are_independent(pair.max_in_bounds, pair.p_value, lags, len(pairs))
     ]
     worst = max(pairs, key=lambda pair: pair.max_in_bounds)
-    share = min(pair.share_inside95 for pair in pairs)
+    p_value = min(pair.p_value for pair in pairs)
     count = (2 * lags + 1) * len(pairs)
     of_pair = f", of {worst.output} and {worst.input}," if pairs[1:] else ""
     keys = "“orders.nb” or “orders.plant”" if evidence.model.orders else STATES
     return (
         not dependent,
-        f"{100 * share:.1f} % of {whole(2 * lags + 1)} cross-correlations (lags −{whole(lags)} to"
-        f" {lags}{', of the pair with the fewest' if pairs[1:] else ''}) lie inside their 95 %"
-        f" bounds. The largest{of_pair} is"
-        f" {worst.max_in_bounds:.2f} times its bound; up to {largest_by_chance(count):.2f} times is"
-        f" not significant (Bonferroni, {100 * SIGNIFICANCE:g} %)."
+        f"All {whole(2 * lags + 1)} cross-correlations (lags −{whole(lags)} to {lags}) together:"
+        f" {p_text(p_value)}{' of the lowest pair' if pairs[1:] else ''}. The largest{of_pair} is"
+        f" {worst.max_in_bounds:.2f} times its 95 % bound; up to {largest_by_chance(count):.2f}"
+        f" times is not significant (Bonferroni, {100 * SIGNIFICANCE:g} %)."
         + (f" Dependent: {listed(dependent)}." if dependent and pairs[1:] else ""),
         f"If positive lags are significant, raise the upper end of {keys}, or search further delays"
         " (“delay.nk”). Significant negative lags indicate feedback from output to input.",
