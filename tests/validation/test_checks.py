@@ -290,14 +290,14 @@ def test_one_large_cross_correlation_fails(good):
 
 
 def test_largest_of_many_cross_correlations_fails_good_models_rarely(good):
-    """Of independent white pairs 1 % exceed the allowed maximum, next to none the sum of squares."""
+    """Of independent white pairs 1 % exceed the allowed maximum, few the sum of squares."""
     rng = np.random.default_rng(1)
     failed = 0
     for _ in range(300):
         found = correlation_with_input(rng.normal(size=1500), rng.normal(size=1500), 200)
-        check = good.with_(
-            "pairs", p_value=found.p_value, max_in_bounds=found.largest_ratio
-        ).check("Residuals")
+        check = good.with_("pairs", p_value=found.p_value, max_in_bounds=found.largest_ratio).check(
+            "Residuals"
+        )
         failed += check.passed is False
     assert failed <= 10  # expectation 3; more than 10 has a probability below 0.1 %
 

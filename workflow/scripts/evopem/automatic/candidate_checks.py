@@ -169,10 +169,10 @@ class _Residuals(Residuals):
         if not (np.ptp(self.residuals) > 0.0 and np.isfinite(self.residuals).all()):
             return CandidateChecks((), 1.0, 0.0)
         correlations = [autocorrelation_of(e, LAGS, self.bounds) for e in self.residuals.T]
-        shares = [c.where(c.lag > 0).share_inside for c in correlations]
         white = [
-            are_white(p_value, share, len(correlations[0].lag) - 1, len(correlations)) is not False
-            for p_value, share in zip(p_values, shares, strict=True)
+            are_white(p_value, c.share_inside, len(correlations[0].lag) - 1, len(correlations))
+            is not False
+            for p_value, c in zip(p_values, correlations, strict=True)
         ]
         failed = [] if all(white) or structure in OF_SIMULATION else [WHITE]
         pairs = [

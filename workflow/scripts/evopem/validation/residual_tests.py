@@ -13,7 +13,7 @@ import scipy  # whose parts load on first use
 from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
-from evopem.arrays import Array, Flags, Integers
+from evopem.arrays import Array, Integers
 from evopem.estimation.pem.covariance import density_at_zero
 from evopem.models.parameter_covariance import NORMAL_95, ParameterCovariance
 from evopem.models.states import delayed, states_of
@@ -97,17 +97,13 @@ def _derivatives(stretch: HeldOut) -> Callable[[Array], Array]:
     return along
 
 
-def weighted_chi_square_tail(value: float, weights: ArrayLike) -> float:
+def weighted_chi_square_tail(value: float, mean: float, square: float, cube: float) -> float:
     """P(sum of weights_i x_i² > value) for independent standard normal x_i; NaN where not known.
 
+    ``mean``, ``square``, ``cube``: sums of the weights, of their squares and of their cubes.
     By the chi-square variable of the same mean, variance and skewness (Imhof 1961, Biometrika
     48:419, eq. 5.1), exact for equal weights and to 0.002 where the probability is below 0.1.
     """
-    lam = np.asarray(weights, dtype=float)
-    return _tail(value, *(float(np.sum(lam**power)) for power in (1, 2, 3)))
-
-
-def _tail(value: float, mean: float, square: float, cube: float) -> float:
     if not (cube > 0.0 and math.isfinite(value)):
         return math.nan
     freedom = square**3 / cube**2
@@ -169,10 +165,9 @@ def whiteness_test(
         if not np.isfinite(covariance).all():
             return replace(unknown, statistic=float(statistic))
         weights = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
-    expected = float(weights.sum())
-    p_value = math.nan
-    if expected >= LEAST_EXPECTED:
-        p_value = weighted_chi_square_tail(float(statistic), weights)
+    expected, *sums = (float(np.sum(weights**power)) for power in (1, 2, 3))
+    known = expected >= LEAST_EXPECTED
+    p_value = weighted_chi_square_tail(float(statistic), expected, *sums) if known else math.nan
     return WhitenessTest(float(statistic), expected, p_value, lags)
 
 
@@ -219,13 +214,10 @@ class ResidualCorrelation:
 
     @property
     def share_inside(self) -> float:
-        """Share of the correlations inside their bounds, 0 to 1; ``nan`` for none."""
-        known = bool(self.values.size) and np.isfinite(self.values).all()
-        return float(np.mean(np.abs(self.values) <= self.bound95)) if known else math.nan
-
-    def where(self, chosen: Flags) -> ResidualCorrelation:
-        """Some of the lags."""
-        return ResidualCorrelation(self.lag[chosen], self.values[chosen], self.bound95[chosen])
+        """Share of the correlations with a bound inside it, 0 to 1; ``nan`` for none."""
+        inside = np.abs(self.values[self.bound95 != 0.0]) <= self.bound95[self.bound95 != 0.0]
+        known = bool(inside.size) and np.isfinite(self.values).all()
+        return float(np.mean(inside)) if known else math.nan
 
     def table(self, name: str) -> pd.DataFrame:
         """Columns ``lag``, the values by name, and ``bound95``."""
@@ -290,7 +282,7 @@ def correlation_with_input(
 
     At positive lags the residual follows the input: dynamics that the model missed; at negative
     lags it precedes it: feedback.  For independent e and u, √N R_eu is asymptotically normal with
-    variance Σ_k R_e(k) R_u(k), and its covariance with that at a lag h away is Σ_k R_e(k) R_u(k + h)
+    variance Σ_k R_e(k) R_u(k), and covariance Σ_k R_e(k) R_u(k + h) with that at a lag h away
     (Ljung 1999, section 16.6).  By these, with R_e of an autoregression, the sum of their squares
     is a weighted sum of chi-square variables: those of a slow input hang together.
     """
@@ -312,7 +304,7 @@ def correlation_with_input(
     shape = np.abs(np.fft.fft(autoregression(e - e.mean(), MOST_WHITENING), length)) ** -2
     related = np.fft.ifft(shape * power_u).real[: lag.size] / (np.mean(shape) * np.mean(power_u))
     covariance = scipy.linalg.toeplitz(related)
-    square = covariance @ covariance
-    moments = (float(np.sum(part * covariance)) for part in (np.eye(lag.size), covariance, square))
-    p_value = _tail(samples * float(correlation @ correlation), *moments)
+    powers = covariance, covariance @ covariance
+    sums = float(np.trace(covariance)), *(float(np.sum(part * covariance)) for part in powers)
+    p_value = weighted_chi_square_tail(samples * float(correlation @ correlation), *sums)
     return ResidualCorrelation(lag, correlation, bound, p_value)

@@ -138,8 +138,7 @@ def validate(
         outputs=outputs,
         inputs=_inputs(model, prepared, unseen, input_test),
         pairs=tuple(
-            PairCorrelation(*names, pair.p_value, pair.largest_ratio)
-            for names, pair in crossed
+            PairCorrelation(*names, pair.p_value, pair.largest_ratio) for names, pair in crossed
         ),
         horizons=horizons,
         stretches=tuple(_stretch_errors(held_out, responses)),
@@ -256,7 +255,7 @@ def _outputs(
                 recorded_errors(prepared.transforms, recorded, k),
                 tuple(ahead[:, k].tolist()),
                 whiteness[k],
-                correlation.where(correlation.lag > 0).share_inside,
+                correlation.share_inside,
                 outlier_percent(tested.residuals[:, k]),
                 peak_evidence(model, prepared.estimation.longest, k, spectrum),
             )
