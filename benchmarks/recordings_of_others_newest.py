@@ -1,4 +1,4 @@
-"""The newest set of recordings of others for ``public_recordings.py``: sources, readers, splits.
+"""The newest sets of recordings of others for ``public_recordings.py``: sources, readers, splits.
 
 The set ``eleventh`` is for one measurement at the end: 7 recordings of other sources than those of
 the sets in ``recordings_of_others.py`` and its later parts, three of several inputs, chosen by
@@ -25,6 +25,26 @@ its owner) and file:
   6d78c23 the files ``square_20251017_run1.csv`` and ``square_20251017_run2.csv`` (nano-quadrotor
   under feedback that flies squares: torque of pitch by the speeds of its rotors, rate of pitch; two
   flights).
+
+The set ``twelfth`` is for one measurement at the end: 6 recordings of other sources than those of
+the sets before, two of several inputs, chosen by plots and documents and split before anything was
+run on any:
+
+- PREDICT-EPFL/polydome (none; Shi, Lian and Jones 2022): of ``dataset/data`` the files
+  ``raw_2021-07-15_2021-09-08.csv`` and ``raw_2021-10-31_2022-01-14.mat`` (building at Lausanne that
+  a heat pump cools in summer, samples 0 to 3300, and heats in winter, samples 200 to 2600, under
+  feedback, by the quarter of an hour: its power, temperature outdoors, radiation, mean of the four
+  temperatures indoors; missing values are interpolated);
+- artursbm/system-identification (none): ``PRBSA02.DAT`` of ``tarefa_5`` (plant of a course at Belo
+  Horizonte under a random binary signal, both channels in volts, with outliers and a drift; samples
+  100 to 2950);
+- raj-gun/NonSysID (BSD; Lacerda Junior, Almeida and Milani 2017): of
+  ``Examples/Electro-mechanical_system/Data`` the files ``x_cc.csv`` and ``y_cc.csv`` (motor that
+  drives a generator under a random binary signal: voltage, speed, every hundredth sample of 10000
+  to 410000; the interval is not stated and counts as one second);
+- iotctrl/iotctrl-results (MIT): of ``csv/VP`` the files ``MFC-lambda30alpha9-test2.csv`` and
+  ``Cascade-Quasi-R.csv`` (motor under feedback: voltage, and its tachometer, samples 2650 to 4050
+  and 5600 to 7000 of the first run, or its place in the second run).
 """
 
 from __future__ import annotations
@@ -77,5 +97,45 @@ def eleventh(folder: Path) -> Iterator[Record]:
             ("incubator", incubator, 1400, 816, 1 / 3),
             ("two heaters", heaters, 400, 199, 1.0),
             ("nano-quadrotor", drone, 1900, 1900, 100.0),
+        )
+    )
+
+
+def twelfth(folder: Path) -> Iterator[Record]:
+    """Recordings for one measurement at the end: 6, of one output; two have three inputs."""
+    causes = ["power", "weather_temp", "weather_rad"]
+
+    def building(rows: pd.DataFrame) -> list[np.ndarray]:
+        rooms = rows[[f"sensor_temp_{k}" for k in (1, 2, 3, 4)]].interpolate().mean(axis=1)
+        return [rows[causes].interpolate().to_numpy(), rooms.to_numpy()]
+
+    def cooled() -> list[np.ndarray]:
+        return building(pd.read_csv(folder / "raw_2021-07-15_2021-09-08.csv")[:3300])
+
+    def heated() -> list[np.ndarray]:
+        log = content_of(folder / "raw_2021-10-31_2022-01-14.mat", simplify_cells=True)["exp"]
+        names = [key for key in log if key.startswith("sensor_temp")]
+        return building(pd.DataFrame({key: log[key] for key in [*causes, *names]})[200:2600])
+
+    def plant() -> list[np.ndarray]:
+        return list(np.loadtxt(folder / "PRBSA02.DAT")[100:2950, 1:].T)
+
+    def generator() -> list[np.ndarray]:
+        return [np.loadtxt(folder / f"{key}_cc.csv")[10_000:410_000:100] for key in "xy"]
+
+    def motor(run: str, output: str, *parts: slice) -> list[np.ndarray]:
+        rows = pd.read_csv(folder / f"{run}.csv")
+        return [np.concatenate([rows[key][part] for part in parts]) for key in ("VM", output)]
+
+    runs = "MFC-lambda30alpha9-test2", "Cascade-Quasi-R"
+    parts = slice(2650, 4050), slice(5600, 7000)
+    yield from first_samples_of(
+        (
+            ("cooled building", cooled, 2200, 1100, 1 / 900),
+            ("heated building", heated, 1600, 800, 1 / 900),
+            ("plant of a course", plant, 1900, 950, 1 / 2.033),
+            ("motor and generator", generator, 2500, 1500, 1.0),
+            ("tachometer", lambda: motor(runs[0], "VT", *parts), 1400, 1400, 50.0),
+            ("place of a motor", lambda: motor(runs[1], "VP", slice(2000)), 1300, 700, 50.0),
         )
     )
