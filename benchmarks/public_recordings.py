@@ -122,9 +122,8 @@ def main() -> None:
     sources = f"; sources are in `benchmarks/{read.__module__}.py`. "
     text = (
         f"Errors, capped at 100 %, are {means[0]:.2f} times the automatic peer's, "
-        f"{means[1]:.2f} times the lowest (geometric means), and {means[2]:.2f} times the automatic "
-        f"peer's with a fitted level of both; "
-        f"{np.mean(failed):.1f} defects a recording. "
+        f"{means[1]:.2f} times the lowest (geometric means), and {means[2]:.2f} times "
+        f"the automatic peer's with a fitted level of both; {np.mean(failed):.1f} defects a recording. "
         f"{note}{sources * (read is not seen)}"
     )
     print(text)
