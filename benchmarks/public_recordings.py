@@ -123,8 +123,8 @@ def main() -> None:
     text = (
         f"Errors, capped at 100 %, are {means[0]:.2f} times the automatic peer's, "
         f"{means[1]:.2f} times the lowest (geometric means), and {means[2]:.2f} times "
-        f"the automatic peer's with a fitted level of both; {np.mean(failed):.1f} defects a recording. "
-        f"{note}{sources * (read is not seen)}"
+        f"the automatic peer's with a fitted level of both; "
+        f"{np.mean(failed):.1f} defects a recording. {note}{sources * (read is not seen)}"
     )
     print(text)
     if not arguments.only:
