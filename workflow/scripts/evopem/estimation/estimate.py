@@ -316,23 +316,27 @@ def estimate_polynomial(
     log: Log | None = None,
     target: Target | None = None,
 ) -> PolynomialEstimate:
-    """Find the polynomial model of given orders with the smallest errors in focus, globally. One
-    objective over all segments, each with initial states, and each recording with a level where one
-    is estimated: ``A y = (B/F) u + (C/D) e + level``. Draws come from ``SeedSequence(seed,
-    spawn_key=(na, *nb, nc, nd, *nf, *nk, level))``. ARMAX models of one input and segment without a
-    level alone use ``n_initial_discard``. ``earlier``: a search of the same problem to combine with
-    this one. ``optimum``: of one-step prediction without constraints, where these or a focus are
-    given. ``target``: what the search is made for; it ends once it is unlikely to get so low.
-    Criteria and residuals are those of one step. The covariance is zero across active constraints,
-    counts priors as observations, and is None for absolute errors of several steps. InputError when
-    constraints contradict each other, the structure or the focus; ValueError when the record is too
-    short, or a setting is outside its range."""
+    """Find the polynomial model of given orders with the smallest errors in focus, globally.
+
+    One objective over all segments, each with initial states, and each recording with a level where
+    one is estimated: ``A y = (B/F) u + (C/D) e + level``.  ARMAX models of one input and segment
+    without a level alone use ``n_initial_discard``.  Draws come from ``SeedSequence(seed,
+    spawn_key=(na, *nb, nc, nd, *nf, *nk, level))``.
+
+    ``earlier``: a search of the same problem to combine with this one.  ``optimum``: of one-step
+    prediction without constraints, where these or a focus are given.  ``target``: what the search
+    is made for; it ends once it is unlikely to get so low.
+
+    Criteria and residuals are those of one step.  The covariance is zero across active constraints,
+    counts priors as observations, and is None for absolute errors of several steps.  InputError
+    when constraints contradict each other, the structure or the focus; ValueError when the record
+    is too short, or a setting is outside its range.
+    """
     settings = settings or SearchSettings()
     # Output-error models of several inputs have more optima than 20,000 evaluations tell apart.
     many = settings.evaluations * max(data.inputs.shape[1], 1) ** 2
     settings = replace(settings, evaluations=many)
     rate, names = data.sampling_rate, data.input_names
-    # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with one_blas_thread():
         errors = checked_errors(data, orders, settings, window, level)
         horizon = check_fit(focus, constraints, orders, rate, names)
