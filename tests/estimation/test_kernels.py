@@ -64,7 +64,7 @@ def population(errors, count, seed=0):
 
 
 def by_difference_equations(errors, u, y, point):
-    o, parts = errors.orders, errors.parts()
+    o, parts = errors.orders, errors.parts
     a, c, d = (point[o.part(name)] for name in "acd")
     level = point[parts["level"]].sum()
     states, s = point[parts["plant"]], point[parts["noise"]]
@@ -102,7 +102,7 @@ def test_values_are_sums_of_losses(orders, level, objective):
     points = population(errors, 11)
     scale = 100 / np.sum(total(y[LOSS_START:]))
     unit = np.mean(np.abs(y[LOSS_START:])) if objective == "absolute" else 1.0
-    parts = errors.parts()
+    parts = errors.parts
     expected = [
         np.sum(total(errors.residuals(point)))
         + 1e-6 * np.sum(point[parts["plant"]] ** 2) / unit
@@ -257,7 +257,7 @@ def test_the_barrier_of_a_descent_is_that_of_all_monic_polynomials():
     values, slopes = np.zeros(5), np.zeros_like(points)
     matrices = np.zeros((5, errors.dimension, errors.dimension))
     for name in "cdf":
-        part = errors.parts()[name]
+        part = errors.parts[name]
         own = np.ascontiguousarray(points[:, part])
         of_part = stability_barriers(own, errors.radius_of(name))
         values += of_part[0]

@@ -100,7 +100,7 @@ def test_a_descent_in_sections_never_leads_up_nor_out(made):
 def test_a_descent_goes_on_where_two_roots_lie_on_the_edge_at_one_place():
     """Each of two equal pairs of zeros of C has to go its own way along the edge."""
     searched = armax_problem(orders=(6, 6, 6, 3))
-    c = searched.errors.parts()["c"]
+    c = searched.errors.parts["c"]
     points = searched.descend(searched.random(4, np.random.default_rng(7))).points
     pair = np.array([1.0, -2.0 * 0.99989 * np.cos(1.5), 0.99989**2])
     points[:, c] = np.convolve(np.convolve(pair, pair), [1.0, 0.0, 0.0])[1:]

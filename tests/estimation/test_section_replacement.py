@@ -95,7 +95,7 @@ def test_a_shared_section_changes_no_value_and_comes_off_again(made, structure, 
     ratios = larger.values(grown) / value
     assert np.all(ratios > 0.97)
     assert np.median(ratios) < 1.005
-    part = smaller.errors.parts()[shared[0][0]]
+    part = smaller.errors.parts[shared[0][0]]
     for own in grown:
         back = without_common_section(own, larger.errors, smaller.errors, shared)
         assert np.min(np.max(np.abs(back - point)[:, part], axis=1)) < 1e-6
@@ -127,7 +127,7 @@ def test_spectra_rank_places_as_gauss_newton_steps_do():
 def test_stretches_rank_places_as_their_whole_record_does():
     whole, parted = problem("oe", (4, 4, 3)), joined("oe", (4, 4, 3))
     point, _ = optimum(whole)
-    plant = whole.errors.parts()["plant"].start
+    plant = whole.errors.parts["plant"].start
     apart = np.zeros(parted.errors.dimension)
     apart[:plant] = point[:plant]
     every = np.arange(0, len(grid()), 8)

@@ -170,7 +170,7 @@ def _noise_start(
 ) -> Array:
     """A scaled point with a plant, and C and D by Hannan & Rissanen (1982)."""
     errors, model, (a, f) = problem.errors, plant.model, division
-    parts, point, o = errors.parts(), np.zeros(errors.dimension), errors.orders
+    parts, point, o = errors.parts, np.zeros(errors.dimension), errors.orders
     point[parts["a"]] = a[1:]
     for i, coefficients in enumerate(f):
         point[o.part("f", i)] = coefficients[1:]
@@ -198,7 +198,7 @@ def _noise_fit(
 ) -> SearchResult:
     """C and D with the smallest one-step errors, the plant and the level held."""
     errors = without_plant_radius(problem.errors)
-    parts = errors.parts()
+    parts = errors.parts
     free, priors = coordinates_of(task, errors, of_noise, levels=point[parts["level"]])
     held = {
         name: Linear(point[part], np.zeros((part.stop - part.start, 0)))
@@ -240,7 +240,7 @@ def _simulation_covariance(
     """Of the plant from coloured simulation errors, and of C and D fitted given the plant."""
     from scipy.linalg import block_diag
 
-    o, parts = task.errors.orders, errors.parts()
+    o, parts = task.errors.orders, errors.parts
     if errors.objective == "absolute":
         return None
     of_noise = _divided_constraints(task.constraints, o)[1]

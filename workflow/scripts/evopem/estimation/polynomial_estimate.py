@@ -108,7 +108,7 @@ class PolynomialEstimate:
         covariance: ParameterCovariance | None,
     ) -> Self:
         """The estimate at a point of one-step errors."""
-        parts = errors.parts()
+        parts = errors.parts
         levels = tuple(point[parts["level"]].tolist())
         model = model_of(
             errors.orders,
@@ -211,7 +211,7 @@ def minimum_norm_point(errors: PolynomialErrors, point: Array, triangle: Array) 
     """The point of smallest ||b|| among those of equal residuals with the same A, C, D and F.
     Residuals are linear in B, levels and states; an input that excites fewer directions than B has
     coefficients leaves B undetermined. ``triangle``: R of the QR decomposition of the Jacobian."""
-    parts = errors.parts()
+    parts = errors.parts
     of_b = parts["b"]
     linear = np.r_[of_b, parts["level"].start : len(point)]
     shortest, count = point.copy(), of_b.stop - of_b.start
@@ -259,7 +259,7 @@ def covariance_of(
         )
     if triangle is None:
         triangle = triangle_of(errors.jacobian_blocks(point))
-    parts = errors.parts()
+    parts = errors.parts
     of_noise = np.r_[parts["c"], parts["d"]]
     return estimate_covariance(
         triangle, residuals, output, orders.parameters, of_noise, errors.objective

@@ -120,7 +120,7 @@ class Units:
         return self._moved(point / self.scales, -1.0)
 
     def _moved(self, point: Array, sign: float) -> Array:
-        moved, parts, o = point.copy(), self.errors.parts(), self.errors.orders
+        moved, parts, o = point.copy(), self.errors.parts, self.errors.orders
         states = moved[parts["plant"]].reshape(len(self.errors.stretches), -1)
         for i, mean in enumerate(self.means):
             f = point[o.part("f", i)]
@@ -138,7 +138,7 @@ def scaled_errors(errors: PolynomialErrors) -> tuple[PolynomialErrors, Units]:
     output_scale = power_of_two_scale(outputs)
     means = inputs.mean(axis=0) if errors.level else np.zeros(inputs.shape[1])
     input_scales = np.array([power_of_two_scale(signal) for signal in (inputs - means).T])
-    scales, parts = np.ones(errors.dimension), errors.parts()
+    scales, parts = np.ones(errors.dimension), errors.parts
     scales[parts["b"]] = output_scale / np.repeat(input_scales, errors.orders.nb)
     for name in ("level", "plant", "noise"):
         scales[parts[name]] = output_scale

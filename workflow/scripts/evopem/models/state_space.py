@@ -381,7 +381,7 @@ class StateSpaceModel:
         """Outputs after an initial state of one at each state, and levels of one, (N, ny, ...)."""
         nothing = np.zeros((samples, self.order))
         parts = [np.stack([states_of(dynamics.T, nothing, row) for row in self.C], axis=1)]
-        parts += [np.tile(np.eye(self.outputs), (samples, 1, 1))] * fit_level
+        parts += [np.tile(np.eye(self.outputs), (samples, 1, 1))] if fit_level else []
         return np.concatenate(parts, axis=2)
 
     def resolvent(self, z: Complex, right: Array) -> Complex:

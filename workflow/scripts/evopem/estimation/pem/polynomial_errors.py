@@ -88,7 +88,7 @@ class PolynomialErrors:
 
     def _places(self) -> Iterator[Indices]:
         """Where the point of each stretch alone stands in the point of all."""
-        parts, o = self.parts(), self.orders
+        parts, o = self.parts, self.orders
         nf, states = sum(o.nf), o.noise_states
         for number, stretch in enumerate(self.stretches):
             level = parts["level"].start + self.recordings.index(stretch.recording)
@@ -108,23 +108,21 @@ class PolynomialErrors:
         """Number of coefficients and levels, without the states."""
         return self.orders.parameters + self.levels
 
-    @property
+    @cached_property
     def dimension(self) -> int:
         """Length of a point."""
         states = sum(self.orders.nf) + self.orders.noise_states
         return self.parameters + len(self.stretches) * states
 
+    @cached_property
     def parts(self) -> dict[str, slice]:
         """Where a, c, d, all b, all f, the levels, plant and noise states stand in a point."""
         o, count = self.orders, len(self.stretches)
         lengths = {"a": o.na, "b": sum(o.nb), "c": o.nc, "d": o.nd, "f": sum(o.nf)}
         lengths["level"] = self.levels
         lengths |= {"plant": count * sum(o.nf), "noise": count * o.noise_states}
-        parts, first = {}, 0
-        for name, length in lengths.items():
-            parts[name] = slice(first, first + length)
-            first += length
-        return parts
+        ends = np.cumsum([0, *lengths.values()]).tolist()
+        return dict(zip(lengths, map(slice, ends, ends[1:]), strict=True))
 
     def polynomials(self) -> list[tuple[str, slice]]:
         """Letter and place in a point of each of A, C, D and F_i that has coefficients."""
@@ -137,7 +135,7 @@ class PolynomialErrors:
         """Which entries of a point some parts are."""
         chosen = np.zeros(self.dimension, dtype=bool)
         for name in names:
-            chosen[self.parts()[name]] = True
+            chosen[self.parts[name]] = True
         return chosen
 
     def radius_of(self, name: str) -> float:

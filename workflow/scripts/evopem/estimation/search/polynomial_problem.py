@@ -73,7 +73,7 @@ class PolynomialProblem(BasinHoppingProblem):
         own_starts: bool = True,
     ) -> None:
         self.errors = errors
-        self._parts = errors.parts()
+        self._parts = errors.parts
         self._models, self._own_starts = tuple(models), own_starts
         self._drawn = False
 

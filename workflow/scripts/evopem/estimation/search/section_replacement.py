@@ -330,7 +330,7 @@ def without_common_section(
 def _pieces(errors: PolynomialErrors) -> Pieces:
     """Where each polynomial stands in a point, the levels, and the states of each stretch, of F_i
     and of the noise, which share the sections of C."""
-    o, parts = errors.orders, errors.parts()
+    o, parts = errors.orders, errors.parts
     letters: list[tuple[str, int]] = [("a", 0), ("c", 0), ("d", 0)]
     letters += product("bf", range(o.inputs))
     pieces: Pieces = {(of, None): o.part(*of) for of in letters}
