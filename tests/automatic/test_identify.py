@@ -68,7 +68,7 @@ def test_a_model_of_another_purpose_that_is_not_found_ends_no_identification(mon
         return estimate_choice(choice, *given)
 
     monkeypatch.setattr(complete_model, "estimate_choice", unstable)
-    u, y, _ = output_error_record(200)
+    u, y, _ = output_error_record(200, seed=12)
     found = evopem.identify(u, y, 10.0, structure="oe", show_progress=False)
     other = load(ModelRecord, found.files.other_model("prediction"))
     assert purposes == ["simulation", "prediction", "modes"]
@@ -308,7 +308,7 @@ def test_state_space_competes_with_polynomials_by_the_same_scores():
 
 def test_a_finite_response_has_no_modes_of_likelier_models():
     """A few poles are fewer coefficients than ten taps, which the BIC rewards."""
-    generator = np.random.default_rng(6)
+    generator = np.random.default_rng(26)
     u = lfilter([1.0], [1.0, -0.5], generator.standard_normal(445))
     taps = generator.standard_normal(10) * np.exp(-0.2 * np.arange(10))
     response = lfilter([0.0, *taps], [1.0], u)

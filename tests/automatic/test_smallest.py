@@ -450,7 +450,7 @@ def compared(monkeypatch, *models):
 
     scorer = scorer_of(models)
     scorer.known = scorer.on_all_samples = lambda each: each
-    scorer.has_input, scorer.with_scores, scorer.remember = True, list, list
+    scorer.has_input, scorer.remember, scorer.with_scores = True, list, lambda each, _: list(each)
     scorer.likely = ()
     scorer.settings, scorer.with_own_scores = CommonSettings(), with_own_scores
     monkeypatch.setattr(structures, "refine_orders", lambda *_: [])

@@ -271,13 +271,13 @@ class Scorer:
             return past and orders.parameters <= LONGEST_RESPONSE
         return orders.parameters + sum(orders.nf) + orders.noise_states <= self.most_parameters
 
-    def with_scores(self, candidates: Sequence[Candidate]) -> list[Candidate]:
-        """Candidates, of which those that may win have scores on held-out samples.
-
-        By ascending BIC, and by that of simulations, until so many in a row lower no error.
-        """
+    def with_scores(
+        self, candidates: Sequence[Candidate], criteria: Sequence[Score] = (BIC, SIMULATION_BIC)
+    ) -> list[Candidate]:
+        """Candidates, of which those that may win have scores on held-out samples: by ascending
+        criteria, until so many in a row lower no error."""
         scored: dict[Candidate, Candidate] = {}
-        for criterion in (BIC, SIMULATION_BIC) if self.has_input else (BIC,):
+        for criterion in criteria:
             lowest, without_gain = dict.fromkeys(KINDS, np.inf), 0
             for candidate in sorted(candidates, key=criterion):
                 scored[candidate] = self.with_own_scores(candidate)

@@ -50,7 +50,7 @@ PATHS: Mapping[str, Mapping[str, Sequence[int]]] = {
     "bj": {FINITE: LONG_PATH, "bj": PATH},
 }
 PATIENCE = 3
-ROUNDS = 2  # over the orders of a model that is refined
+ROUNDS, BY_LIKELIHOOD = 2, 4  # over the orders of a model that is refined, and by its BIC
 # The BIC of one-step or of simulation errors must fall by this much to count as a gain, or of
 # models with F both by the first of these.
 LEAST_GAINS = 0.002, 0.01
@@ -291,7 +291,7 @@ def refine_orders(scorer: Scorer, start: Candidate, score: Score) -> list[Candid
     By their BIC only the best is scored on held-out samples, and so is its plant of own poles.
     """
     best, tried, work = start, [start], 0
-    for _ in range(ROUNDS):
+    for _ in range(BY_LIKELIHOOD if score is BIC else ROUNDS):
         for orders in neighbours(best.orders):
             if work >= MOST_WORK:
                 continue

@@ -119,32 +119,33 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     Raises NoModelError when no structure has a candidate.
     """
     eligible = [candidate for search in searches for candidate in _eligible(search)]
-    others = [c for search in searches for c in search.candidates if c not in eligible]
-    scored = scorer.with_scores(parametric(eligible))
-    for candidate in not_far_behind(scorer, simplest(eligible), scored):
-        scorer.with_own_scores(candidate)
-    candidates = [*dict.fromkeys(map(scorer.known, [*scored, *eligible])), *others]
-    if not candidates:
+    every = [candidate for search in searches for candidate in search.candidates]
+    if not every:
         if all(search.too_short for search in searches):
             raise NoModelError(
-                f"the record is too short for a model of any structure: {scorer.samples} samples"
-                " for estimation carry at most"
-                f" {scorer.most_parameters} coefficients of polynomials"
+                f"the record is too short for a model of any structure: {scorer.samples} samples "
+                f"for estimation carry at most {scorer.most_parameters} coefficients of polynomials"
             )
         raise NoModelError("no model of any structure was found, or rounding spoils each of them")
-    scorer.remember(candidates)
+    scorer.remember(every)
+    every += _with_noise(scorer, every)
     choices, decisions = [], []
+    # Where the likeliest model is valid, nothing that only simulates better is chosen.
+    for criteria in ((BIC,), (BIC, SIMULATION_BIC))[: 1 + scorer.has_input]:
+        scored = scorer.with_scores(parametric(eligible), criteria)
+        for candidate in not_far_behind(scorer, simplest(eligible), scored):
+            scorer.with_own_scores(candidate)
+        candidates = every = [*dict.fromkeys(map(scorer.known, [*scored, *eligible, *every]))]
+        if scorer.has_input:
+            level, about_level = _level_of(every)
+            for criterion in (score_of(_kind_of(level)), BIC)[-len(criteria) :]:
+                for finalist in _finalists(every, criterion):
+                    every += refine_orders(scorer, _at_likely_delay(scorer, finalist), criterion)
+            # What was refined may have been searched, and scored only then.
+            candidates, refuted = _with_valid_noise([*dict.fromkeys(map(scorer.known, every))])
+            if _likely(scorer, candidates, _kind_of(level))[1]:
+                break
     if scorer.has_input:
-        level, about_level = _level_of(candidates)
-        score = score_of(_kind_of(level))
-        candidates.extend(_with_noise(scorer, candidates))
-        for criterion in (score, BIC):
-            for finalist in _finalists(candidates, criterion):
-                start = _at_likely_delay(scorer, finalist)
-                candidates.extend(refine_orders(scorer, start, criterion))
-        # What was refined may have been searched, and scored only then.
-        candidates = list(dict.fromkeys(map(scorer.known, candidates)))
-        candidates, refuted = _with_valid_noise(candidates)
         simulation, about = _for_simulation(scorer, candidates, _kind_of(level))
         if level == "constant":
             # A level passes through 1/A: where A has roots near 1, its small error in the equation
@@ -158,11 +159,9 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     choices.append(Choice("prediction", scorer.on_all_samples(prediction), "constant"))
     modes = scorer.with_own_scores(min([c for c in searched if c.has_poles] or searched, key=BIC))
     choices.append(Choice("modes", scorer.on_all_samples(modes), "constant"))
+    given = "structure for prediction", prediction, candidates, score_of("prediction")
     decisions += [
-        _named(
-            *("structure for prediction", prediction, candidates, score_of("prediction")),
-            *("one-step error on held-out samples, %", sentence),
-        ),
+        _named(*given, "one-step error on held-out samples, %", sentence),
         _named("structure for modes", modes, candidates, BIC, "BIC"),
     ]
     return Comparison(tuple(choices), tuple(candidates), tuple(decisions))
@@ -174,8 +173,7 @@ def _eligible(search: StructureSearch) -> Sequence[Candidate]:
     known = search.candidates
     if not known or known[0].polynomials is not None:
         return known
-    likeliest = min(known, key=BIC)
-    return [candidate for candidate in known if candidate.order <= likeliest.order]
+    return [candidate for candidate in known if candidate.order <= min(known, key=BIC).order]
 
 
 def _level_of(candidates: Sequence[Candidate]) -> tuple[Level, Decision]:
@@ -248,22 +246,26 @@ def _at_likely_delay(scorer: Scorer, start: Candidate) -> Candidate:
 def _for_simulation(
     scorer: Scorer, candidates: Sequence[Candidate], kind: Kind
 ) -> tuple[Candidate, Decision]:
-    score, searched = score_of(kind), parametric(candidates)
-    best = min(candidates, key=score)
-    likeliest = min(searched, key=BIC)
-    is_fed_back = _is_fed_back(scorer, likeliest)
-    likely = _by_likelihood(scorer, searched, kind, best, is_fed_back)
+    is_fed_back, likely = _likely(scorer, candidates, kind)
     kept = candidates if likely or is_fed_back else _that_simulate(scorer, candidates)
     choice = likely or _smallest_as_good(scorer, parametric(kept), kind)
     # Under feedback models without noise have the lowest simulation errors, and a wrong response.
     if not (is_fed_back and likely):
         choice = never_behind(kept, kind, *choice, lambda c: len(scorer.checks(c).failed))
-    if not is_fed_back and _misses_response(scorer, likeliest):
+    if not is_fed_back and _misses_response(scorer, min(parametric(candidates), key=BIC)):
         choice = regularised_unless_worse(kept, kind, *choice)
     chosen, sentence = gain_of_nothing(scorer, candidates, kind, choice[0]) or choice
-    criterion = "simulation error on held-out samples, %"
-    subject = "structure for simulation"
-    return chosen, _named(subject, chosen, candidates, score, criterion, sentence)
+    subject, criterion = "structure for simulation", "simulation error on held-out samples, %"
+    return chosen, _named(subject, chosen, candidates, score_of(kind), criterion, sentence)
+
+
+def _likely(
+    scorer: Scorer, candidates: Sequence[Candidate], kind: Kind
+) -> tuple[bool, tuple[Candidate, str] | None]:
+    """Whether the input is fed back, and what is chosen for its likelihood."""
+    searched, lowest = parametric(candidates), min(candidates, key=score_of(kind))
+    is_fed_back = _is_fed_back(scorer, min(searched, key=BIC))
+    return is_fed_back, _by_likelihood(scorer, searched, kind, lowest, is_fed_back)
 
 
 def _that_simulate(scorer: Scorer, candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -294,10 +296,9 @@ def _by_likelihood(
     expected = {INDEPENDENT_OF_INPUT} if fed_back else set()
     may_be_worse = expected.issuperset(checks.failed) or may_be_chance(likeliest, lowest, kind)
     largest = MOST_WHEN_ALL_HOLD if may_be_worse else MOST_WHEN_VALID
-    if not (score(likeliest) / score(lowest) < largest and checks.whiteness >= BY_CHANCE):
-        return None
     independent = INDEPENDENT_OF_INPUT not in checks.failed
-    if not (independent or fed_back):
+    holds = score(likeliest) / score(lowest) < largest and checks.whiteness >= BY_CHANCE
+    if not (holds and (independent or fed_back)):
         return None
     best = min(near, key=score)
     equal = [candidate for candidate in near if as_good(candidate, best, kind)]
