@@ -11,6 +11,7 @@ from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import (
     Model,
     errors_with_levels,
+    joined,
     prediction_errors,
 )
 from evopem.automatic.cross_validation.stretches import (
@@ -287,9 +288,11 @@ def held_out_scores(
         scored = []
         for fold in folds:
             parts = list(zip(fold.before, fold.held_out, strict=True))
-            parts = [part for part in parts if part[0].samples or not has_past]
-            # A rest of a stretch tells little, and fewer samples before than a delay no state.
-            parts = [p for p in parts if min(s.samples for s in p) >= plan.shortest] or parts
+            parts = [
+                _with_past(*part, plan.shortest) for part in parts if part[0].samples or not has_past
+            ]
+            # A rest of a stretch tells little.
+            parts = [part for part in parts if part[1].samples >= plan.shortest] or parts
             scored += [parts] if parts else []
             training += [fold.training] if parts else []
         designs.append(scored)
@@ -313,6 +316,16 @@ def held_out_scores(
     if not stretches[0].has_input:
         simulation = fitted_level = np.inf
     return HeldOutScores(float(simulation), float(fitted_level), float(prediction), *by_kind)
+
+
+def _with_past(before: Segment, held_out: Segment, shortest: float) -> tuple[Segment, Segment]:
+    """The samples before held-out ones, to which the first of these are added where they are too few
+    to determine a state."""
+    lead_in = int(np.ceil(shortest)) - before.samples if before.samples else 0
+    if lead_in <= 0:
+        return before, held_out
+    past = joined(before, held_out.between(0, lead_in))
+    return past, held_out.between(lead_in, held_out.samples)
 
 
 def _logarithms(sums: Array, counts: Array, scale: Array, absolute: bool) -> Array:

@@ -51,7 +51,7 @@ def errors_with_levels(
 
     ``bound``: Of the radii of poles in the model's search.
     """
-    known, both = before.samples or first_samples(held_out.samples), _joined(before, held_out)
+    known, both = before.samples or first_samples(held_out.samples), joined(before, held_out)
     measured, radius = both.outputs[known:], _radius_of(model)
     # A drift may be the noise of a state that lasts: a predictor follows it, no validation does.
     lasts = isinstance(model, StateSpaceModel) and lies_at_bound(radius, bound)
@@ -90,7 +90,7 @@ def _predictor_of(model: Model) -> StateSpaceModel:
 @lru_cache(maxsize=1)
 def _continued(model: Model, before: Segment, stretch: Segment, known: int) -> tuple[Array, Array]:
     """Simulation and one-step errors from the state of the predictor behind the samples before."""
-    both = _joined(before, stretch)
+    both = joined(before, stretch)
     return _predictor_of(model).continued(both.inputs, both.outputs, known)
 
 
@@ -130,7 +130,7 @@ def prediction_errors(model: Model, stretch: Segment, before: Segment | None = N
         if known == before.samples and noise_moves_plant(model):
             with np.errstate(all="ignore"):
                 return _continued(model, before, stretch, known)[1]
-        stretch = _joined(before, stretch)
+        stretch = joined(before, stretch)
     if stretch.samples <= max(first + 1, known if before is not None else 0):
         return np.empty((0, stretch.outputs.shape[1]))
     u, y = stretch.inputs, stretch.outputs
@@ -139,6 +139,6 @@ def prediction_errors(model: Model, stretch: Segment, before: Segment | None = N
     return np.asarray(errors[first if before is None else known :])
 
 
-def _joined(before: Segment, stretch: Segment) -> Segment:
+def joined(before: Segment, stretch: Segment) -> Segment:
     u = np.concatenate([before.inputs, stretch.inputs])
     return Segment(u, np.concatenate([before.outputs, stretch.outputs]), stretch.recording)
