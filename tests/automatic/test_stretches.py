@@ -56,7 +56,12 @@ def test_a_rest_of_a_stretch_is_no_part_that_is_held_out():
         assert np.min(held_out) == 10
         held_out.clear()
         held_out_scores(stretches, plan, estimate, False)
-    assert np.min(held_out) >= plan.shortest == 45
+        assert np.min(held_out) >= plan.shortest == 45
+        # Of a part with too few samples before it the first ones stand in for them.
+        stretches = [Segment(u[:770], y[:770]), Segment(u[780:], y[780:])]
+        held_out.clear()
+        held_out_scores(stretches, replace(plan, designs=((2, 1),)), estimate, False)
+    assert held_out == [(45, 832 - 45)]
 
 
 @pytest.mark.parametrize("objective", ["quadratic", "absolute"])

@@ -28,8 +28,9 @@ LONG_STRETCH, SHORTEST_STRETCH, MOST_MISSING = 100, 50, 0.1
 """Samples between missing ones in which the initial state of a long model settles; what is used at
 least where these are too few; the largest share of samples that are not used."""
 
-LONGEST_FILLED, MOST_FILLED, FILLINGS = 3, 0.05, 3
-"""Missing samples in sequence filled at most, their largest share, and rounds of models."""
+LONGEST_FILLED, LONGEST_PREDICTED, MOST_FILLED, FILLINGS = 3, 10, 0.05, 3
+"""Missing samples in sequence filled at most, and of outputs where else too many are lost; their
+largest share, and rounds of models."""
 
 
 def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
@@ -44,12 +45,14 @@ def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
     missing = ~np.isfinite(signals) | np.isin(np.abs(signals), OVERFLOW_CODES)
     if not missing.any():
         return recording, 0
-    short = np.column_stack([_short_gaps(flags) for flags in missing.T])
-    fills = bool(short.any() and short.mean(axis=0).max() <= MOST_FILLED)
-    ways = [(missing, LONG_STRETCH)]
-    ways += [(missing & ~short, SHORTEST_STRETCH)] * fills
-    ways += [(missing, SHORTEST_STRETCH)]
-    for left, least in ways:
+    ways = [(np.zeros_like(missing), LONG_STRETCH)]
+    for longest in (LONGEST_FILLED, LONGEST_PREDICTED):
+        short = _short_gaps(missing, recording.inputs.shape[1], longest)
+        fills = bool(short.any() and short.mean(axis=0).max() <= MOST_FILLED)
+        ways += [(short, SHORTEST_STRETCH)] * fills
+    ways += [(np.zeros_like(missing), SHORTEST_STRETCH)]
+    for gaps, least in ways:
+        left = missing & ~gaps
         runs = runs_of(np.logical_not(left.any(axis=1)))
         ranges = [(first, stop) for first, stop in runs if stop - first >= least]
         lost = 1.0 - sum(stop - first for first, stop in ranges) / len(missing)
@@ -68,14 +71,12 @@ def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
         remedy = "repair the recording or cut that part away"
         raise InputError(source, problem, remedy, f"{place}, sample {first + 1}")
     (whole,) = recording.segments
-    filled = 0
-    if left is not missing:
-        filled = int(short.sum())
-        signals = _filled(signals, missing, short)
+    if gaps.any():
+        signals = _filled(signals, missing, gaps)
         inputs, outputs = np.split(signals, [recording.inputs.shape[1]], axis=1)
         whole = replace(whole, inputs=inputs, outputs=outputs)
-        whole = replace(whole, outputs=_predicted(whole, short[:, inputs.shape[1] :]))
-    return recording.with_segments([whole.between(*gap) for gap in ranges]), filled
+        whole = replace(whole, outputs=_predicted(whole, gaps[:, inputs.shape[1] :]))
+    return recording.with_segments([whole.between(*used) for used in ranges]), int(gaps.sum())
 
 
 def runs_of(samples: Flags) -> list[tuple[int, int]]:
@@ -84,13 +85,16 @@ def runs_of(samples: Flags) -> list[tuple[int, int]]:
     return [(first, stop) for first, stop in edges.reshape(-1, 2).tolist()]
 
 
-def _short_gaps(missing: Flags) -> Flags:
-    """The missing samples of a channel, (N,), in gaps that may be filled."""
+def _short_gaps(missing: Flags, inputs: int, longest: int) -> Flags:
+    """The missing samples of channels, (N, m + l), in gaps that may be filled: of ``longest``
+    samples in outputs, and of ``LONGEST_FILLED`` in inputs, which no model predicts."""
     short = np.zeros_like(missing)
-    for first, stop in runs_of(missing):
-        # Beyond an end there is nothing to interpolate to.
-        if stop - first <= LONGEST_FILLED and first > 0 and stop < missing.size:
-            short[first:stop] = True
+    for channel, flags in enumerate(missing.T):
+        most = LONGEST_FILLED if channel < inputs else longest
+        for first, stop in runs_of(flags):
+            # Beyond an end there is nothing to interpolate to.
+            if stop - first <= most and first > 0 and stop < flags.size:
+                short[first:stop, channel] = True
     return short
 
 

@@ -288,11 +288,10 @@ def held_out_scores(
         scored = []
         for fold in folds:
             parts = list(zip(fold.before, fold.held_out, strict=True))
-            parts = [
-                _with_past(*part, plan.shortest) for part in parts if part[0].samples or not has_past
-            ]
-            # A rest of a stretch tells little.
-            parts = [part for part in parts if part[1].samples >= plan.shortest] or parts
+            parts = [part for part in parts if part[0].samples or not has_past]
+            parts = [_with_past(*part, plan.shortest) for part in parts]
+            # A rest of a stretch tells little, and fewer samples before than a delay no state.
+            parts = [p for p in parts if min(s.samples for s in p) >= plan.shortest] or parts
             scored += [parts] if parts else []
             training += [fold.training] if parts else []
         designs.append(scored)
@@ -319,10 +318,10 @@ def held_out_scores(
 
 
 def _with_past(before: Segment, held_out: Segment, shortest: float) -> tuple[Segment, Segment]:
-    """The samples before held-out ones, to which the first of these are added where they are too few
-    to determine a state."""
-    lead_in = int(np.ceil(shortest)) - before.samples if before.samples else 0
-    if lead_in <= 0:
+    """Held-out samples and those before; where these are too few to determine a state, the first
+    held-out ones are of them, if enough are left."""
+    lead_in = int(np.ceil(shortest)) - before.samples
+    if not before.samples or lead_in <= 0 or held_out.samples < lead_in + shortest:
         return before, held_out
     past = joined(before, held_out.between(0, lead_in))
     return past, held_out.between(lead_in, held_out.samples)
