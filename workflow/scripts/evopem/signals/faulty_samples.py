@@ -38,19 +38,17 @@ def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
 
     Those are not finite, or numbers that instruments write for an overflow. Of all samples up to
     the share `MOST_MISSING` may be missing or in stretches of fewer than `LONG_STRETCH`. Where more
-    are, single missing samples are filled; else stretches of `SHORTEST_STRETCH` samples are used.
-    The second value is the number of values that are filled.
+    are, short gaps are filled; else stretches of `SHORTEST_STRETCH` samples are used; else longer
+    gaps of outputs are filled too. The second value is the number of values that are filled.
     """
     signals = np.column_stack([recording.inputs, recording.outputs])
     missing = ~np.isfinite(signals) | np.isin(np.abs(signals), OVERFLOW_CODES)
     if not missing.any():
         return recording, 0
-    ways = [(np.zeros_like(missing), LONG_STRETCH)]
-    for longest in (LONGEST_FILLED, LONGEST_PREDICTED):
-        short = _short_gaps(missing, recording.inputs.shape[1], longest)
-        fills = bool(short.any() and short.mean(axis=0).max() <= MOST_FILLED)
-        ways += [(short, SHORTEST_STRETCH)] * fills
-    ways += [(np.zeros_like(missing), SHORTEST_STRETCH)]
+    nothing, inputs = np.zeros_like(missing), recording.inputs.shape[1]
+    short = [_short_gaps(missing, inputs, most) for most in (LONGEST_FILLED, LONGEST_PREDICTED)]
+    some, more = [gaps * (gaps.mean(axis=0).max() <= MOST_FILLED) for gaps in short]
+    ways = [(nothing, LONG_STRETCH), *((gaps, SHORTEST_STRETCH) for gaps in (some, nothing, more))]
     for gaps, least in ways:
         left = missing & ~gaps
         runs = runs_of(np.logical_not(left.any(axis=1)))
@@ -73,9 +71,8 @@ def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
     (whole,) = recording.segments
     if gaps.any():
         signals = _filled(signals, missing, gaps)
-        inputs, outputs = np.split(signals, [recording.inputs.shape[1]], axis=1)
-        whole = replace(whole, inputs=inputs, outputs=outputs)
-        whole = replace(whole, outputs=_predicted(whole, gaps[:, inputs.shape[1] :]))
+        whole = replace(whole, inputs=signals[:, :inputs], outputs=signals[:, inputs:])
+        whole = replace(whole, outputs=_predicted(whole, gaps[:, inputs:]))
     return recording.with_segments([whole.between(*used) for used in ranges]), int(gaps.sum())
 
 

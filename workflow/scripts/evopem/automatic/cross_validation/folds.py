@@ -11,7 +11,6 @@ from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import (
     Model,
     errors_with_levels,
-    joined,
     prediction_errors,
 )
 from evopem.automatic.cross_validation.stretches import (
@@ -21,6 +20,7 @@ from evopem.automatic.cross_validation.stretches import (
     folds_of,
     is_large,
     response_parts,
+    with_past,
 )
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import likeliest_arx
@@ -289,7 +289,7 @@ def held_out_scores(
         for fold in folds:
             parts = list(zip(fold.before, fold.held_out, strict=True))
             parts = [part for part in parts if part[0].samples or not has_past]
-            parts = [_with_past(*part, plan.shortest) for part in parts]
+            parts = [with_past(*part, plan.shortest) for part in parts]
             # A rest of a stretch tells little, and fewer samples before than a delay no state.
             parts = [p for p in parts if min(s.samples for s in p) >= plan.shortest] or parts
             scored += [parts] if parts else []
@@ -315,16 +315,6 @@ def held_out_scores(
     if not stretches[0].has_input:
         simulation = fitted_level = np.inf
     return HeldOutScores(float(simulation), float(fitted_level), float(prediction), *by_kind)
-
-
-def _with_past(before: Segment, held_out: Segment, shortest: float) -> tuple[Segment, Segment]:
-    """Held-out samples and those before; where these are too few to determine a state, the first
-    held-out ones are of them, if enough are left."""
-    lead_in = int(np.ceil(shortest)) - before.samples
-    if not before.samples or lead_in <= 0 or held_out.samples < lead_in + shortest:
-        return before, held_out
-    past = joined(before, held_out.between(0, lead_in))
-    return past, held_out.between(lead_in, held_out.samples)
 
 
 def _logarithms(sums: Array, counts: Array, scale: Array, absolute: bool) -> Array:

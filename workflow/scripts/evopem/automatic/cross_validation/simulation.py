@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from evopem.arrays import Array
+from evopem.automatic.cross_validation.stretches import joined
 from evopem.config.settings import SearchSettings
 from evopem.estimation.criteria import lies_at_bound
 from evopem.models.polynomial import Model, PolynomialModel, simulated_form, state_space_of
@@ -137,8 +138,3 @@ def prediction_errors(model: Model, stretch: Segment, before: Segment | None = N
     with np.errstate(all="ignore"):
         errors = form.residuals(u, y, form.prediction_state(u[:known], y[:known]))
     return np.asarray(errors[first if before is None else known :])
-
-
-def joined(before: Segment, stretch: Segment) -> Segment:
-    u = np.concatenate([before.inputs, stretch.inputs])
-    return Segment(u, np.concatenate([before.outputs, stretch.outputs]), stretch.recording)

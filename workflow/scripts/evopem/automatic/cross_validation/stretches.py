@@ -88,6 +88,22 @@ def folds_of(
     return tuple(divided)
 
 
+def with_past(before: Segment, held_out: Segment, shortest: float) -> tuple[Segment, Segment]:
+    """Held-out samples and those before; where these are too few to determine a state, the first
+    held-out ones are of them, if enough are left."""
+    lead_in = int(np.ceil(shortest)) - before.samples
+    if not before.samples or lead_in <= 0 or held_out.samples < lead_in + shortest:
+        return before, held_out
+    past = joined(before, held_out.between(0, lead_in))
+    return past, held_out.between(lead_in, held_out.samples)
+
+
+def joined(before: Segment, stretch: Segment) -> Segment:
+    """A stretch with the samples before it."""
+    u = np.concatenate([before.inputs, stretch.inputs])
+    return Segment(u, np.concatenate([before.outputs, stretch.outputs]), stretch.recording)
+
+
 REASON = (
     "Part of the record is silent, as before or after a single blow: the folds divide the energy of"
     " the response, and the first part, with its beginning, is always fitted."
