@@ -34,7 +34,7 @@ from evopem.synthesis import armax
 
 ROOT = Path(__file__).parents[1]
 SAMPLES = 2_000
-AGAIN = 4
+AGAIN = 12
 DEFAULTS = {
     "recipe": "chapter",
     "transforms": {"box_cox": "none", "difference": 0},
@@ -182,8 +182,7 @@ def main() -> None:
             "fleets",
             "Automatic recipe",
             f"{count} recordings of {SAMPLES} samples simulated by one system, three keys (input, "
-            "output, rate), no reports, kernels compiled before; two shared cores with other work "
-            "on them.",
+            "output, rate), no reports, kernels compiled before; two shared cores.",
             f"benchmarks/fleet_run.py FOLDER {count} --recipe auto",
             ("processor time of a recording", "s"),
             [

@@ -161,9 +161,9 @@ def test_many_recordings_have_one_job_each(count, keys, jobs):
     [
         (1, 40, [1] * 40),
         (16, 40, [16, 16, 8]),
-        ("auto", 40, [6] * 6 + [4]),
+        ("auto", 40, [9] * 4 + [4]),
         ("auto", 160, [10] * 16),
-        ("auto", 480, [23] * 20 + [20]),
+        ("auto", 640, [34] * 18 + [28]),
     ],
 )
 def test_recordings_are_divided_into_batches_before_shards(per_job, count, sizes):

@@ -25,7 +25,7 @@ from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_candidate import Candidate, PhaseSelection
 from evopem.files.job import UnfinishedJob
-from evopem.files.json_form import from_json, load, save, to_json
+from evopem.files.json_form import from_json, load, load_shared, save, to_json
 from evopem.models.mode_matching import OrderModels
 from evopem.models.orders import Orders, armax_orders
 from evopem.models.parameter_covariance import ParameterCovariance
@@ -300,3 +300,14 @@ def test_what_is_not_json_is_refused_and_leaves_no_file(tmp_path):
     with pytest.raises(ValueError, match="not JSON compliant"):
         save(complex(math.nan, 0.0), tmp_path / "x.json")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_shared_file_is_read_once_while_it_stays_the_same(tmp_path):
+    save(OrderRanges(nx=(1, 2)), path := tmp_path / "ranges.json")
+    first = load_shared(OrderRanges, path)
+    assert load_shared(OrderRanges, path) is first
+    save(OrderRanges(nx=(1, 20)), path)
+    assert load_shared(OrderRanges, path) == OrderRanges(nx=(1, 20))
+    path.unlink()
+    with pytest.raises(InputError, match="cannot be read"):
+        load_shared(OrderRanges, path)
