@@ -99,12 +99,11 @@ def main() -> None:
                 cells.append(f"{before:.1f}/{now:.1f}")
         rows.append((name, *cells))
         print(*rows[-1], sep=" | ", flush=True)
+    missed = ", ".join(f"{100 * share:.0f}" for share in MISSED.values())
     text = (
-        f"Percent of {records} records that are rejected, by the share of correlations inside their"
-        " bounds, as until then/by the joint distribution of all: of residuals that are independent"
-        " of the input, half of them white, and of such with a response to it that was missed, of"
-        f" {', '.join(f'{100 * share:.0f} %' for share in MISSED.values())} of their variance. By"
-        " the number of samples. Both count the largest correlation as well."
+        f"Percent of {records} records, half of white residuals, that the largest correlation"
+        " rejects, or the share inside the bounds/the joint distribution: without a response to the"
+        f" input, and with one of {missed} % of the variance. By samples."
     )
     columns = ("input", *(f"{kind}, {n}" for kind in ("independent", "missed") for n in SAMPLES))
     write_section("checks", "Independence of the input", text, COMMAND, columns, rows)
