@@ -101,9 +101,8 @@ def main() -> None:
         print(*rows[-1], sep=" | ", flush=True)
     missed = ", ".join(f"{100 * share:.0f}" for share in MISSED.values())
     text = (
-        f"Percent of {records} records, half of white residuals, that the largest correlation"
-        " rejects, or the share inside the bounds/the joint distribution: without a response to the"
-        f" input, and with one of {missed} % of the variance. By samples."
+        f"Percent of {records} records rejected, by the share inside the bounds/the joint"
+        f" distribution, without and with a response of {missed} % of the variance."
     )
     columns = ("input", *(f"{kind}, {n}" for kind in ("independent", "missed") for n in SAMPLES))
     write_section("checks", "Independence of the input", text, COMMAND, columns, rows)
