@@ -12,7 +12,9 @@ from scipy.signal import lfilter
 
 from evopem.automatic.decision import DecisionRecord
 from evopem.automatic.revisions import Revised
+from evopem.config.constraints import Constraints
 from evopem.config.defaults import complete
+from evopem.config.settings import AutomaticSettings
 from evopem.errors import InputError, LostModelError, NoModelError
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
@@ -89,19 +91,18 @@ BEYOND = InputError("search.max_root_radius", "the model has a root beyond it", 
 
 
 @pytest.mark.parametrize(
-    ("error", "count"),
+    "error",
     [
-        (InputError("constraints", "it cannot be met", "change it", "max_pole_radius"), 3),
-        (LostModelError("search", "its errors are lost in rounding", "lower the orders"), 2),
-        (NoModelError("no descent ended at a stable model"), 2),
-        (BEYOND, 2),
-        (InputError("focus", "it has no meaning", "change it"), 2),
+        LostModelError("search", "its errors are lost in rounding", "lower the orders"),
+        NoModelError("no descent ended at a stable model"),
+        BEYOND,
+        InputError("focus", "it has no meaning", "change it"),
     ],
 )
 def test_what_spoils_a_model_for_another_purpose_does_not_refuse_the_recording(
-    clipped, monkeypatch, error, count
+    clipped, monkeypatch, error
 ):
-    """It gives up constraints; without a model of its own the chosen one serves."""
+    """Without a model of its own the chosen one serves."""
     fits, known = [], load(ModelRecord, clipped.model)
 
     def record(choice, scored, search, settings, fit, *_):
@@ -116,7 +117,24 @@ def test_what_spoils_a_model_for_another_purpose_does_not_refuse_the_recording(
     refused = pytest.raises(InputError, match=r"datasets\.pump\.focus: it has no meaning")
     with refused if getattr(error, "source", "") == "focus" else nullcontext():
         job.run()
-    assert len(fits) == count  # prediction and modes have one candidate
+    assert len(fits) == 2  # prediction and modes have one candidate
+
+
+@pytest.mark.parametrize("error", [None, BEYOND, NoModelError("no descent ended at one")])
+def test_a_model_for_another_purpose_gives_up_constraints_before_the_chosen_one_serves(
+    monkeypatch, error
+):
+    def record(choice, scored, search, settings, fit):
+        if fit.constraints is not None:
+            raise InputError("constraints", "it cannot be met", "change it", "max_pole_radius")
+        if error is not None:
+            raise error
+        return "free", None
+
+    monkeypatch.setattr(complete_model, "_record_of", record)
+    given = None, None, None, AutomaticSettings(), Constraints(max_pole_radius=0.5)
+    model = complete_model._for_other_purpose("chosen", *given)
+    assert model == ("free" if error is None else "chosen")
 
 
 def test_the_report_shows_the_decisions(clipped):

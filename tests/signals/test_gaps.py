@@ -57,6 +57,14 @@ def test_too_many_missing_samples_are_refused(tmp_path, lost):
         read_measured(written(tmp_path / "r.csv", lost), CHANNELS)
 
 
+def test_a_refusal_tells_the_share_that_is_lost_without_filling(tmp_path):
+    """With the gaps of ten samples filled it would be 20 %."""
+    lost = [*range(61, 71), *range(100, 110), *range(200, 220), *range(260, 280)]
+    path = written(tmp_path / "r.csv", lost, columns=(1,), rows=400)
+    with pytest.raises(InputError, match=r"without the 60 such .* 32 % of the recording are lost"):
+        read_measured(path, CHANNELS)
+
+
 @pytest.mark.parametrize("together", [1, 3])
 def test_scattered_missing_samples_are_filled(tmp_path, together):
     """2 % of the samples of the output, so close that hardly a stretch is long enough."""

@@ -1,5 +1,7 @@
 """Level and power of the tests of what every model assumes, on ARX models of simulated records."""
 
+import warnings
+
 import numpy as np
 import pytest
 from scipy.signal import chirp, lfilter
@@ -8,7 +10,7 @@ from evopem.estimation.state_space.estimate import estimates_of_orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
 from evopem.validation import model_class as module
-from evopem.validation.model_class import REPEATS, model_class
+from evopem.validation.model_class import REPEATS, feedback_test, model_class
 from evopem.validation.responses import divided
 
 SAMPLES, CUT, FREQUENCY, DECAY = 1500, 1000, 0.6, 0.03
@@ -287,6 +289,15 @@ def test_squares_that_an_input_depends_on_are_no_feedback():
         y = resonance(u + 0.3 * (u**2 - np.mean(u**2))) + 0.3 * v
         model, record = arx(u, y), Recording(u, y, 1.0)
         assert model_class(divided(model, record, CUT)).without_feedback.passed
+
+
+def test_a_stretch_without_residuals_leaves_a_test_of_feedback_as_it_is():
+    """As one that is no longer than a delay; its mean is none."""
+    e, u = np.random.default_rng(4).standard_normal((2, 600, 1))
+    parts, direct = [(e, u), (e[:0], u[:0])], np.zeros(1, dtype=bool)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert feedback_test(parts, direct) == feedback_test(parts[:1], direct)
 
 
 def test_one_periodic_input_does_not_speak_for_the_others():

@@ -95,9 +95,9 @@ def _for_other_purpose(
     except InputError as error:
         if error.source == "search.max_root_radius":
             return chosen
-        if not error.source.startswith("constraints"):
+        if constraints is None or not error.source.startswith("constraints"):
             raise
-        return _record_of(*given, FitSettings())[0]
+        return _for_other_purpose(chosen, *given, None)
 
 
 def level_of(level: LevelOfSimulation, data: Recording) -> LevelOfSimulation:

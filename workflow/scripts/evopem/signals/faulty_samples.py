@@ -49,12 +49,13 @@ def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
     short = [_short_gaps(missing, inputs, most) for most in (LONGEST_FILLED, LONGEST_PREDICTED)]
     some, more = [gaps * (gaps.mean(axis=0).max() <= MOST_FILLED) for gaps in short]
     ways = [(nothing, LONG_STRETCH), *((gaps, SHORTEST_STRETCH) for gaps in (some, nothing, more))]
+    shares = []
     for gaps, least in ways:
         left = missing & ~gaps
         runs = runs_of(np.logical_not(left.any(axis=1)))
         ranges = [(first, stop) for first, stop in runs if stop - first >= least]
-        lost = 1.0 - sum(stop - first for first, stop in ranges) / len(missing)
-        if lost <= MOST_MISSING:
+        shares.append(1.0 - sum(stop - first for first, stop in ranges) / len(missing))
+        if shares[-1] <= MOST_MISSING:
             break
     else:
         first, channel = np.argwhere(missing)[0]
@@ -63,7 +64,7 @@ def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
         problem = (
             f"the value is {what}; without the {np.count_nonzero(missing.any(axis=1))} such samples"
             f" and what is left of fewer than {SHORTEST_STRETCH} in sequence"
-            f" {100.0 * lost:.0f} % of the recording are lost, and up to"
+            f" {100.0 * max(shares[1:]):.0f} % of the recording are lost, and up to"
             f" {100.0 * MOST_MISSING:g} % may be"
         )
         remedy = "repair the recording or cut that part away"

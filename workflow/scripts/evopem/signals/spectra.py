@@ -323,9 +323,9 @@ def overlapping_correlation(signal: Array) -> Array:
     """Correlation of what overlaps at each lag; 0 before it first falls below HAS_CHANGED."""
     n = len(signal)
     longest = int(LONGEST_LAG * n)
-    x = signal - signal.mean()
-    if longest < 2 or not np.ptp(x) > 0.0:
+    if longest < 2 or not np.ptp(signal) > 0.0:
         return np.zeros(1)
+    x = signal - signal.mean()
     power = np.concatenate([[0.0], np.cumsum(x**2)])
     lags = np.arange(longest + 1)
     scale = np.sqrt(power[n - lags] * (power[n] - power[lags]))
