@@ -117,6 +117,19 @@ def test_a_slow_response_that_is_missed_is_found_in_all_cross_correlations_toget
     assert one <= together
 
 
+@pytest.mark.parametrize("segments", [1, 10])
+def test_a_long_response_that_is_missed_is_found_where_lags_are_many(segments):
+    """Of 500 samples, or stretches of 50, the largest lags have few or no products."""
+    rng, found = np.random.default_rng(10), 0
+    bounds = np.linspace(0, 500, segments + 1).astype(int)
+    for _ in range(40):
+        u, taps = rng.normal(size=500), rng.normal(size=30)
+        missed = lfilter(taps, [1.0], u)
+        e = rng.normal(size=500) + 0.5 * missed / missed.std()
+        found += correlation_with_input(e, u, bounds=bounds).p_value < 0.01
+    assert found >= 30
+
+
 def test_cross_correlation_bound_of_white_residuals_is_that_of_white_signals():
     rng = np.random.default_rng(7)
     u = lfilter([1.0], [1, -0.9], rng.normal(size=4000))

@@ -303,7 +303,10 @@ def correlation_with_input(
     bound = np.full(lag.size, NORMAL_95 * math.sqrt(variance / samples))
     shape = np.abs(np.fft.fft(autoregression(e - e.mean(), MOST_WHITENING), length)) ** -2
     related = np.fft.ifft(shape * power_u).real[: lag.size] / (np.mean(shape) * np.mean(power_u))
-    covariance = scipy.linalg.toeplitz(related)
+    # At a lag so many samples of the stretches have another one to be multiplied by.
+    lengths = np.diff(bounds) if len(bounds) > 2 else np.array([samples])
+    shared = np.maximum(lengths[:, None] - np.abs(lag), 0).sum(axis=0) / samples
+    covariance = scipy.linalg.toeplitz(related) * np.sqrt(np.outer(shared, shared))
     powers = covariance, covariance @ covariance
     sums = float(np.trace(covariance)), *(float(np.sum(part * covariance)) for part in powers)
     p_value = weighted_chi_square_tail(samples * float(correlation @ correlation), *sums)
