@@ -38,7 +38,7 @@ FURTHER = (automatic, *PEERS)
 UNSEEN = "All have served to make rules since; unseen they had"
 # Reader, end of the title and note of each set.
 SETS: dict[str, tuple[Callable[[Path], Iterator[Record]], str, str]] = {
-    "seen": (seen, "", "All were in view when rules of the choice or of the checks were made."),
+    "seen": (seen, "", "All were in view when rules of the choice or of the checks were made"),
     "second": (second, ", second set", f"{UNSEEN} 1.01 times and 2.0 (ebbbbb8f)"),
     "reserved": (reserved, ", reserved", f"{UNSEEN} 0.92 times and 1.6 (050f00e5)"),
     "third": (third, ", third set", f"{UNSEEN} 1.00 times and 2.4 (480697e7)"),
@@ -119,12 +119,10 @@ def main() -> None:
         rows.append((record.name, split, *numbers, found.summary.model, str(len(defects))))
         print(" | ".join(rows[-1]), "|", ", ".join(defects), flush=True)
     means = np.exp(np.mean(np.log(ratios), axis=0))
-    sources = f"; sources are in `benchmarks/{read.__module__}.py`. "
     text = (
         f"Errors, capped at 100 %, are {means[0]:.2f} times the automatic peer's, "
-        f"{means[1]:.2f} times the lowest (geometric means), and {means[2]:.2f} times "
-        f"the automatic peer's with a fitted level of both; "
-        f"{np.mean(failed):.1f} defects a recording. {note}{sources * (read is not seen)}"
+        f"{means[1]:.2f} times the lowest, {means[2]:.2f} times the peer's with fitted levels of both; "
+        f"{np.mean(failed):.1f} defects a recording. {note}."
     )
     print(text)
     if not arguments.only:
