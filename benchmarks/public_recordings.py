@@ -121,8 +121,8 @@ def main() -> None:
     means = np.exp(np.mean(np.log(ratios), axis=0))
     text = (
         f"Errors, capped at 100 %, are {means[0]:.2f} times the automatic peer's, "
-        f"{means[1]:.2f} times the lowest, {means[2]:.2f} times the peer's with fitted levels of both; "
-        f"{np.mean(failed):.1f} defects a recording. {note}."
+        f"{means[1]:.2f} times the lowest, {means[2]:.2f} times the peer's with fitted levels of "
+        f"both; {np.mean(failed):.1f} defects a recording. {note}."
     )
     print(text)
     if not arguments.only:
