@@ -82,10 +82,7 @@ def judged(structure: str, seed: int, found: Results) -> Outcome:
         stretches, truth.orders, "quadratic", PLANT_RADIUS, NOISE_RADIUS, True
     )
     point = errors.completed_by_states(true_orders)
-    covariance = covariance_of(
-        *(errors, point, errors.residuals(point), errors.scored_outputs()),
-        errors.residual_counts(),
-    )
+    covariance = covariance_of(errors, point, errors.residuals(point))
     own = _covered(found.model, truth)
     of_true = _covered(replace(true_orders, covariance=covariance), truth)
     failed = tuple(each.name for each in found.checks if each.passed is False)

@@ -153,7 +153,7 @@ def candidate(orders, bic, minimum=1.0, n_confirming=1):
             orders.single.nk,
         ),
         criteria=Criteria(objective=minimum, fit_percent=100 - minimum, rss=1.0, bic=bic),
-        with_level=False,
+        levels=(),
         plant_state=np.zeros(0),
         noise_state=np.zeros(orders.nc),
         minimum=minimum,

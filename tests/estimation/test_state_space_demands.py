@@ -170,6 +170,12 @@ def test_known_poles_and_gains_are_those_of_the_model():
     assert modes[1].frequency_se_hz > 0.0
 
 
+def test_a_static_gain_of_zero_is_a_constraint_too():
+    found = estimated(recorded(1, 1), constraints=Constraints(static_gain=0.0))
+    assert found.model.frequency_response(0.0)[0, 0] == pytest.approx(0.0, abs=1e-9)
+    assert found.constraints.active == ("static_gain",)
+
+
 def test_standard_errors_of_one_step_are_those_without_constraints():
     """Where a bound is not active, the directions of a point are those of the free problem."""
     recording = recorded(1, 2)

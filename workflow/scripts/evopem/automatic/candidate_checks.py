@@ -101,8 +101,7 @@ def _of_polynomials(
         covariance: ParameterCovariance | None = response.covariance(errors)
     else:
         point = errors.completed_by_states(model.parameters)
-        e, counts = errors.residuals(point), errors.residual_counts()
-        covariance = covariance_of(errors, point, e, errors.scored_outputs(), counts)
+        covariance = covariance_of(errors, point, errors.residuals(point))
     tested = _Residuals.of(
         errors.stretches, [residuals[:, None] for residuals in errors.residuals_of_stretches(point)]
     )

@@ -198,12 +198,8 @@ def _criterion(sizes: Array, weighing: Weighing) -> float:
     return float(np.mean(np.log(sizes)) if weighing == "noise" else np.log(np.mean(sizes)))
 
 
-def output_weights(errors: Array, weighing: Weighing) -> Array:
-    """Derivative of the criterion by the sum of the absolute errors of each output, (outputs,)."""
-    return _weights(np.mean(np.abs(errors), axis=0), weighing) / len(errors)
-
-
-def _weights(sizes: Array, weighing: Weighing) -> Array:
+def output_weights(sizes: Array, weighing: Weighing) -> Array:
+    """Derivative of the criterion by the mean absolute error of each output, (outputs,)."""
     sizes = sizes + ROUNDING
     if weighing == "noise":
         return np.asarray(1.0 / (len(sizes) * sizes))
@@ -318,7 +314,7 @@ class _Descent:
         self, sizes: Array, slopes: Array, curvatures: Array
     ) -> tuple[Array, Array]:
         """Gradient and primal-dual Hessian of the smoothed criterion."""
-        weights = _weights(np.mean(sizes, axis=0), self.problem.weighing) / len(sizes)
+        weights = output_weights(np.mean(sizes, axis=0), self.problem.weighing) / len(sizes)
         count = len(self.point)
         gradient, hessian = np.zeros(count), np.zeros((count, count))
         for k, (columns, places) in enumerate(self.problem.jacobians(self.point)):

@@ -6,9 +6,10 @@ follow by one-step errors, for each way to divide the poles of the plant between
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array, one_blas_thread
 from evopem.config.constraints import Constraints
@@ -146,23 +147,19 @@ def _divisions(
         k for k, unit in enumerate(units) if any(np.min(np.abs(unit - z)) < 1e-6 for z in known)
     ]
     others = [k for k in range(len(units)) if k not in held]
-    none = True
-    for count in range(len(others) + 1):
-        for chosen in combinations(others, count):
-            if sum(len(units[k]) for k in chosen) == orders.na:
-                none = False
-                of_a = np.concatenate([units[k] for k in chosen])
-                of_f = np.concatenate(
-                    [units[k] for k in range(len(units)) if k not in chosen] or [np.empty(0)]
-                )
-                yield np.real(np.poly(of_a)), (np.real(np.poly(of_f)),)
-    if none:
+    subsets = chain.from_iterable(combinations(others, k) for k in range(len(others) + 1))
+    fitting = [of_a for of_a in subsets if sum(len(units[k]) for k in of_a) == orders.na]
+    if not fitting:
         raise InputError(
             "structure",
             f"the poles of the plant that simulates best cannot be divided into na = {orders.na} "
             f"and nf = {orders.single.nf} with real coefficients",
             "use even na and nf, or a structure with one of the two",
         )
+    for of_a in fitting:
+        of_f = [k for k in range(len(units)) if k not in of_a]
+        a, f = (np.real(np.poly(np.concatenate([units[k] for k in of]))) for of in (of_a, of_f))
+        yield a, (f,)
 
 
 def _noise_start(
@@ -238,8 +235,6 @@ def _simulation_covariance(
     division: Plant,
 ) -> ParameterCovariance | None:
     """Of the plant from coloured simulation errors, and of C and D fitted given the plant."""
-    from scipy.linalg import block_diag
-
     o, parts = task.errors.orders, errors.parts
     if errors.objective == "absolute":
         return None
@@ -255,7 +250,7 @@ def _simulation_covariance(
     bases = [parameters.polynomials[name].part(none[parameters.columns[name]])[1] for name in "cd"]
     second = Fitted(
         jacobian[:, columns],
-        block_diag(*bases, np.eye(len(columns) - o.nc - o.nd)),
+        scipy.linalg.block_diag(*bases, np.eye(len(columns) - o.nc - o.nd)),
         priors.deviations(point)[1][:, columns],
         errors.residual_counts(),
     )
@@ -280,14 +275,10 @@ def _to_held(orders: Orders, division: Plant, levels: Array, size: int) -> Array
         return np.eye(size)[np.delete(places, of_c)]
     na, nb, nf, (a, f) = orders.na, sum(orders.nb), sum(orders.nf), division
     divided: Array = np.eye(na + nf)
-    if na:
-        product = np.zeros((na + nf, na + nf))
+    if na and nf:
         # d(A F) = F dA + A dF.
-        for j in range(na):
-            product[j : j + nf + 1, j] = f[0]
-        for j in range(nf):
-            product[j : j + na + 1, na + j] = a
-        divided = np.asarray(np.linalg.pinv(product))
+        parts = scipy.linalg.convolution_matrix(f[0], na), scipy.linalg.convolution_matrix(a, nf)
+        divided = np.asarray(np.linalg.pinv(np.hstack(parts)))
     derivatives = np.zeros((na + nb + nf + len(levels), size))
     of_product = slice(nb, nb + na + nf)
     derivatives[:na, of_product] = divided[:na]

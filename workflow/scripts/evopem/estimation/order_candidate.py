@@ -34,14 +34,13 @@ class Candidate:
     orders: Orders
     model: PolynomialModel  # without the covariance of its parameters
     criteria: Criteria
-    with_level: bool
-    plant_state: Array  # these as of PolynomialEstimate
+    levels: tuple[float, ...]  # these as of PolynomialEstimate
+    plant_state: Array
     noise_state: Array
     minimum: float  # what the search minimised, at its best point
     at_stability_bound: bool
     diagnostics: SearchDiagnostics
     pruned: str = ""  # why it was left before the end of its search
-    further_levels: tuple[float, ...] = ()  # of the second and later recordings
 
     @classmethod
     def of(cls, estimate: PolynomialEstimate, phase: str) -> Candidate:
@@ -51,20 +50,19 @@ class Candidate:
             orders=estimate.model.orders,
             model=replace(estimate.model, covariance=None),
             criteria=estimate.criteria,
-            with_level=estimate.with_level,
+            levels=estimate.levels,
             plant_state=estimate.plant_state,
             noise_state=estimate.noise_state,
             minimum=estimate.search.value,
             at_stability_bound=estimate.at_stability_bound,
             diagnostics=estimate.search.diagnostics,
-            further_levels=estimate.levels[1:],
         )
 
     @property
     def search(self) -> SearchResult:
         """The result of the search, its point being parameters, level and states."""
-        level = [self.model.level, *self.further_levels] if self.with_level else []
-        point = np.concatenate([self.model.parameters, level, self.plant_state, self.noise_state])
+        states = self.plant_state, self.noise_state
+        point = np.concatenate([self.model.parameters, self.levels, *states])
         return SearchResult(point, self.minimum, self.diagnostics)
 
     @property

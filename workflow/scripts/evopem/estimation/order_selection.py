@@ -135,7 +135,7 @@ def complete_estimate(
     With a focus or constraints, descents for these start from the candidate; InputError when no
     model of its orders meets the constraints.
     """
-    orders, level = candidate.orders, candidate.with_level
+    orders, level = candidate.orders, bool(candidate.levels)
     if fit is not None and fit.changes_model:
         return OrderSearch(data, settings, window, level).estimate(
             orders, focus=fit.focus, constraints=fit.constraints, optimum=candidate.search

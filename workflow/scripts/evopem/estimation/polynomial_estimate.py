@@ -1,6 +1,5 @@
 """Estimated polynomial models: criteria, residuals and covariance at a search's best point."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -146,11 +145,6 @@ class PolynomialEstimate:
         """States of the plant in state space."""
         return self.model.plant_states
 
-    @property
-    def with_level(self) -> bool:
-        """Whether a constant was estimated along."""
-        return bool(self.levels)
-
 
 def describe(
     errors: PolynomialErrors, result: SearchResult, sampling_rate: float, *, shortest: bool = False
@@ -163,19 +157,19 @@ def describe(
         before, after = (searched_objective(errors, c) for c in (point, shortest_point))
         if after <= before * (1.0 + SAME_OPTIMUM) and not np.array_equal(shortest_point, point):
             point, triangle = shortest_point, triangle_of(errors.jacobian_blocks(shortest_point))
-    outputs, counts = errors.scored_outputs(), errors.residual_counts()
     counted = errors.residuals(point)
-    criteria = criteria_of(counted, outputs, errors.objective, errors.parameters)
+    criteria = criteria_of(counted, errors.scored_outputs(), errors.objective, errors.parameters)
     reached = searched_objective(errors, point) if shortest else result.value
     if not reached <= result.value * (1.0 + LOST) + ROUNDING:
         compared = f"its objective is {reached:.9g} %, and that of its search was"
         raise lost_model(str(errors.orders), f"{compared} {result.value:.9g} %")
-    covariance = covariance_of(errors, point, counted, outputs, counts, triangle)
+    covariance = covariance_of(errors, point, counted, triangle)
     variance = innovation_variance(counted, errors.dimension)
     about = criteria, result, sampling_rate, variance, covariance
     estimate = PolynomialEstimate.at(errors, point, *about)
     stretch, model = errors.stretches[0], estimate.model
-    inputs, scored = stretch.inputs[:, : errors.orders.inputs], counted[: counts[0], None]
+    inputs = stretch.inputs[:, : errors.orders.inputs]
+    scored = counted[: errors.residual_counts()[0], None]
     check_returned(model.state_space(), inputs, stretch.outputs, scored, str(errors.orders))
     if covariance is not None and _plant_at_bound(errors, model):
         step = _step_beyond(errors, point, counted, triangle)[: errors.orders.parameters]
@@ -240,13 +234,10 @@ def covariance_of(
     errors: PolynomialErrors,
     point: Array,
     residuals: Array,
-    output: Array,
-    counts: Sequence[int] = (),
     triangle: Array | None = None,
 ) -> ParameterCovariance | None:
     """Covariance of the coefficients, for residuals of any colour where nothing whitens them.
-    ``counts``: residuals of each of several stretches; ``triangle``: R of the Jacobian, where
-    known."""
+    ``triangle``: R of the Jacobian, where known."""
     orders = errors.orders
     if orders.structure in WITHOUT_NOISE_MODEL and is_coloured(residuals):
         return coloured_covariance(
@@ -255,12 +246,12 @@ def covariance_of(
             orders.parameters,
             errors.objective,
             input_alone=orders.na + orders.nc + orders.nd == 0,
-            counts=counts,
+            counts=errors.residual_counts(),
         )
     if triangle is None:
         triangle = triangle_of(errors.jacobian_blocks(point))
     parts = errors.parts
     of_noise = np.r_[parts["c"], parts["d"]]
     return estimate_covariance(
-        triangle, residuals, output, orders.parameters, of_noise, errors.objective
+        triangle, residuals, errors.scored_outputs(), orders.parameters, of_noise, errors.objective
     )

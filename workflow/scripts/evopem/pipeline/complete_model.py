@@ -178,7 +178,7 @@ def _selected(
     """The candidate that a phase has selected."""
     selected = load(PhaseSelection, files.phase(phase)).selected
     prepared = load_prepared(files.prepared, files.transforms)
-    data, level = prepared.estimation, "constant" if selected.with_level else "none"
+    data, level = prepared.estimation, "constant" if selected.levels else "none"
     estimate = complete_estimate(selected, data, search, window, fit)
     return ModelRecord.of(
         *(estimate, data, search, prepared.transforms),

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array, Flags
 from evopem.config.constraints import Constraints, FixedPole
@@ -171,9 +172,7 @@ def _linear(
     """A monic polynomial with a fixed factor and fixed coefficients."""
     order = len(free)
     inner = order - len(factor) + 1
-    columns = np.zeros((order, inner))
-    for j in range(inner):
-        columns[j : j + len(factor), j] = factor
+    columns = scipy.linalg.convolution_matrix(factor, inner) if inner else np.zeros((order, 0))
     start = np.zeros(order)
     start[: len(factor) - 1] = factor[1:]
     fixed = ~free

@@ -4,6 +4,7 @@ sections of :mod:`.pole_region`, or an offset plus a basis times free coordinate
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array, Complex
 from evopem.estimation.pem.kernels.polynomials import stability_barriers
@@ -66,10 +67,7 @@ class RegionSections:
             if index != k:
                 others = np.convolve(others, section)
         size = len(factors[k][0]) - 1
-        columns = [
-            np.concatenate([np.zeros(j), others, np.zeros(size - j)]) for j in range(1, size + 1)
-        ]
-        return np.column_stack(columns)[1:]
+        return np.asarray(scipy.linalg.convolution_matrix(others, size))
 
     def active(self, bounded: Array) -> tuple[list[str], Array]:
         """Active constraints, and the directions of the coefficients that they leave free."""

@@ -120,26 +120,18 @@ def at_radius(radius: float, c: Array, generator: np.random.Generator) -> Iterat
         yield product_of(sections._replace(single=np.array([end])))
 
 
-def without_nearest(coefficients: Array, section: Array) -> Array | None:
-    """A monic polynomial, with the leading 1, without its section nearest to another one.
-    ``coefficients`` (m,): without the leading 1.  None where the polynomial has no section."""
-    roots_of_section = _section_roots(section)
-    nearest = min(
-        each_without(coefficients),
-        key=lambda section: np.min(np.abs(_section_roots(section[0])[:, None] - roots_of_section)),
-        default=None,
-    )
-    return None if nearest is None else nearest[1]
-
-
 def without_nearest_of(name: str, coefficients: Array, section: Array) -> Array | None:
     """Coefficients of a polynomial as a point holds them, with the leading one, of B any number,
-    without the section nearest to another one."""
+    without the section nearest to another one; None where it has no section."""
     gain = coefficients[0] if name == "b" and len(coefficients) else 1.0
     if gain == 0.0:
         return None
-    rest = without_nearest(coefficients[1:] / gain if name == "b" else coefficients, section)
-    return None if rest is None else gain * rest
+    sections = each_without(coefficients[1:] / gain if name == "b" else coefficients)
+    near = _section_roots(section)
+    rests = [
+        (np.min(np.abs(_section_roots(apart)[:, None] - near)), rest) for apart, rest in sections
+    ]
+    return gain * min(rests, key=lambda pair: pair[0])[1] if rests else None
 
 
 def with_moved_section(

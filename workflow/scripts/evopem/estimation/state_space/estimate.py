@@ -17,6 +17,7 @@ from evopem.config.settings import OutputWeighting, SearchSettings
 from evopem.config.structures import check_model, samples_ahead
 from evopem.errors import InputError, LostModelError, NoModelError
 from evopem.estimation.criteria import log_loss
+from evopem.estimation.pem.constrained_model import equalities
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.search.problem import Log, SearchResult, count_distinct
 from evopem.estimation.state_space.entry_problem import EntryProblem
@@ -345,7 +346,4 @@ def _effect(
 ) -> ConstraintEffect | None:
     if constraints is None:
         return None
-    names = ["fixed_poles"] if constraints.fixed_poles else []
-    if constraints.static_gain:
-        names.append("static_gain")
-    return ConstraintEffect(value, without, (*names, *active))
+    return ConstraintEffect(value, without, (*equalities(constraints), *active))

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from evopem.arrays import Array, Indices, Integers
 from evopem.config.settings import Objective
-from evopem.estimation import damped_descent
 from evopem.estimation.criteria import coloured_autocovariances, lies_at_bound
+from evopem.estimation.damped_descent import output_weights
 from evopem.estimation.pem.covariance import density_at_zero
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.sections import input_matrix, sections_of, state_matrix
@@ -205,9 +205,9 @@ def scores_of(
     density = np.array([density_at_zero(column, vanishing) for column in whitened.T])
     if not np.all(density > 0.0):
         return None
-    sizes = errors.data.absolute_sizes
-    relative = damped_descent.output_weights(whitened / sizes, errors.weighing) / sizes
-    return np.sign(whitened) / (2.0 * density), np.diag(2.0 * density * relative)
+    sizes, left = errors.data.absolute_sizes, np.mean(np.abs(whitened), axis=0)
+    by_sums = output_weights(left / sizes, errors.weighing) / len(whitened) / sizes
+    return np.sign(whitened) / (2.0 * density), np.diag(2.0 * density * by_sums)
 
 
 def sandwich(
