@@ -103,7 +103,7 @@ def test_lists_of_tables_and_of_signals_are_several_recordings():
         ((pd.concat([frame(), frame()], axis=1), "y", "u"), "2 columns are called 'u'"),
         (
             (frame(pd.date_range("2026-01-01", periods=50, freq="50ms")), "y", "u", None, 10.0),
-            "the time stamps give 20 Hz and the stated sampling rate is 10 Hz",
+            "the time stamps give 20 Hz and the stated rate is 10 Hz",
         ),
         ((frame(TIME**2), "y", "u"), 'time "index"'),
     ],

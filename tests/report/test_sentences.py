@@ -79,6 +79,9 @@ def test_recording_and_division(results):
     assert "The output was Box-Cox transformed with λ = 1.1 and differenced twice." in text
     assert f"The first 100 samples are discarded. The next {count(1000)} samples" in text
     assert "398 samples, those that follow without a gap, are used for validation" in text
+    stretches = results.model.transforms.estimation * 2
+    (text,) = told("record", with_transforms(results, estimation=stretches))
+    assert f"The next {count(2000)} samples that are left are used for estimation" in text
 
 
 def test_recording_with_names_units_and_a_validation_recording(results):

@@ -126,7 +126,8 @@ def test_dates_as_time(tmp_path, blank, zone):
 
 
 @pytest.mark.parametrize(
-    ("form", "separator"), [("%H:%M:%S.%f", ","), ("%d.%m.%Y %H:%M:%S,%f", ";")]
+    ("form", "separator"),
+    [("%H:%M:%S.%f", ","), ("%d.%m.%Y %H:%M:%S,%f", ";"), ("%Y/%m/%d %H:%M:%S.%f", ",")],
 )
 def test_times_of_day_and_dates_with_points(tmp_path, form, separator):
     stamps = pd.date_range("2024-03-12 09:59:59.900", periods=N, freq="5ms")
@@ -138,6 +139,12 @@ def test_times_of_day_and_dates_with_points(tmp_path, form, separator):
         text = text.replace("\n09:", "\n9:")
     recording = read_recording(write(tmp_path, text), "u", "y", time="when")
     assert recording.sampling_rate == pytest.approx(200.0, rel=1e-9)
+
+
+def test_dates_of_which_day_and_month_are_not_certain_are_refused(tmp_path):
+    rows = "".join(f"05/06/2024 12:00:{second:02d},{second},1\n" for second in range(60))
+    with pytest.raises(InputError, match=r"line 2, column 1: .* is no date of a known form; write"):
+        read_recording(write(tmp_path, f"when,u,y\n{rows}"), "u", "y", time="when")
 
 
 def refusal(path: Path, *channels, **settings) -> str:

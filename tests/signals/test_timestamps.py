@@ -45,7 +45,7 @@ def test_whole_numbers_of_no_unit(dtype):
     assert rate(stamps, stated_rate=2500.0) == 2500.0
     with pytest.raises(InputError, match="may be seconds, milliseconds or microseconds"):
         rate(stamps)
-    with pytest.raises(InputError, match="stated sampling rate is 2000 Hz"):
+    with pytest.raises(InputError, match="stated rate is 2000 Hz"):
         rate(stamps, stated_rate=2000.0)
 
 
@@ -184,6 +184,17 @@ def test_the_stated_unit_of_whole_numbers():
 def test_counters_are_not_taken_for_dates(first, step):
     with pytest.raises(InputError, match="set time_unit"):
         rate(first + step * np.arange(100))
+
+
+@pytest.mark.parametrize("first", [45443.5, 739402.75])
+def test_days_of_spreadsheets_and_matlab_are_not_taken_for_seconds(first):
+    stamps = first + np.arange(2000) / 200.0 / 86400.0
+    with pytest.raises(
+        InputError, match=r"may be days \(200 Hz\) or seconds .* time_unit to d or s"
+    ):
+        rate(stamps)
+    assert rate(stamps, time_unit="d") == pytest.approx(200.0, rel=1e-6)
+    assert rate(first + np.arange(2000) / 1000.0) == pytest.approx(1000.0)  # seconds of a day
 
 
 def test_durations_and_large_counters():

@@ -308,6 +308,20 @@ def test_channels_that_nothing_tells_are_asked_for(folder, capsys, heading, exam
     assert not Path("results").exists()
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("t,u,y\n0,1,2\n", "log.csv: none of its channels holds numbers that change; give"),
+        ("1 s;2 N\n" * 9, 'log.csv, line 1, column 2: "s;2" is not a finite number; repair'),
+        ("u,y\non,1\non,2\non,4\n", 'change (line 2, column 1: "on" is not a finite number); name'),
+    ],
+)
+def test_a_file_without_signals_is_refused_by_what_is_wrong(folder, capsys, text, said):
+    Path("log.csv").write_text(text)
+    assert code_of(["log.csv"]) == 1
+    assert said in capsys.readouterr().err
+
+
 def test_infinite_samples_warn_of_nothing_and_a_path_with_a_blank_is_quoted(
     folder, capsys, recwarn
 ):

@@ -91,13 +91,13 @@ def test_other_files_are_left_out_and_named(tmp_path):
     assert set(settings_of(text)) == {"data"}
     left_out = text.partition("# Left out:\n")[2].splitlines()
     assert [line.split(":")[0] for line in left_out] == [
-        "# README.txt",
-        "# cut.csv",
+        "# README.txt, line 1",
+        "# cut.csv, line 4",
         "# dead.csv",
         "# single.csv",
     ]
-    assert "no two channels can be read. " in left_out[1]
     assert "cut.csv, line 4: the row has 2 fields where the others have 3" in left_out[1]
+    assert "only one of its channels holds numbers that change; two are needed." in left_out[3]
 
 
 @pytest.mark.parametrize("name", ["y", "no", "12", "a: b", "#1", "Größe [N]", "'quoted'"])

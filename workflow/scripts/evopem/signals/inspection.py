@@ -54,7 +54,7 @@ class FileContents:
     # channels of finite real numbers that are not constant, in the order of the file
     signals: tuple[SignalColumn, ...]
     time: TimeColumn | None  # the first channel of time stamps
-    unread: str = ""  # why the first channel that cannot be read cannot; empty where all can
+    unread: InputError | None = None  # why the first channel that cannot be read cannot
 
 
 def inspect_file(path: str | Path) -> FileContents:
@@ -65,10 +65,11 @@ def inspect_file(path: str | Path) -> FileContents:
     """
     signals: list[SignalColumn] = []
     time: TimeColumn | None = None
-    unread, stamps = "", 0
+    unread: InputError | None = None
+    stamps = 0
     for reference, channel in _channels(path, lambda *_: True):
         if isinstance(channel, InputError):
-            unread = unread or str(channel)
+            unread = unread or channel
         elif _is_time(channel) or (time is None and _is_named_time(channel)):
             stamps = stamps or channel.values.size
             time = time or _time_column(channel, reference, str(path))
@@ -267,10 +268,7 @@ def roles_of(path: str | Path, timed: bool = True) -> ChannelRoles | None:
     source, time = str(path), contents.time.reference if contents.time else None
     if len(contents.signals) != 2:
         names = ", ".join(repr(signal.reference) for signal in contents.signals) or "none"
-        problem = (
-            f"beside the time there are {len(contents.signals)} channels that may be input or"
-            f" output ({names}), where two can be distinguished"
-        )
+        problem = f"beside the time there are {len(contents.signals)} channels ({names}), not two"
         raise InputError(source, problem, "name input and output")
     first, second = contents.signals
     inputs, outputs = (named(contents.signals, words) for words in (INPUT_NAMES, OUTPUT_NAMES))

@@ -17,6 +17,10 @@ GRID_TOLERANCE = 1e-3
 RATE_TOLERANCE = 1e-3
 """A stated rate may differ from that of the stamps by this share."""
 _SECONDS_1990, _SECONDS_2050 = 6.3e8, 2.5e9
+_DAYS_2000, _DAYS_OF_A_CENTURY = (36526, 730486), 36525
+"""Days at the beginning of the year 2000, as spreadsheets and MATLAB count them."""
+_LARGEST_STEP_OF_DAYS = 1e-4
+"""Smaller steps from such a number on are rather days, 8 s apart at most, than of 10 kHz."""
 _LARGEST_UPTIME = 1e18
 """Whole numbers from here on are nanoseconds since 1970: they would be 31 years of uptime."""
 
@@ -140,19 +144,13 @@ def timing(
         positions = times / step
     else:
         step = _uniform_step(times, named)
-    unstated = ticks, step, stated_rate, tolerance
-    scale = TIME_UNITS[known] if known else _scale(*unstated, source, place)
+    scale = TIME_UNITS[known] if known else _scale(ticks, step, stated_rate, tolerance, named)
     rate = float(f"{1.0 / (step * scale):.9g}")
     if stated_rate is not None:
         if abs(rate / stated_rate - 1.0) > tolerance:
-            raise InputError(
-                source,
-                f"the time stamps give {rate:g} Hz and the stated sampling rate is"
-                f" {stated_rate:g} Hz",
-                "correct one of them or leave one out, or set time_unit if that of the stamps is"
-                " another one",
-                place,
-            )
+            problem = f"the time stamps give {rate:g} Hz and the stated rate is {stated_rate:g} Hz"
+            remedy = "correct one of them or leave one out, or set time_unit if that of the stamps"
+            raise InputError(source, problem, f"{remedy} is another one", place)
         rate = float(stated_rate)
     return Timing(rate, unevenness, positions)
 
@@ -201,8 +199,8 @@ def _refuse_same_times(times: Array, closest: float, named: _Stamps) -> NoReturn
     named.refuse(
         problem,
         first,
-        "remove rows whose time is not later than the one before; if only the clock is too coarse,"
-        " leave time out and state sampling_rate",
+        "remove rows whose time is not later than the one before; if the clock is too coarse or"
+        " was set back, leave time out and state sampling_rate",
     )
 
 
@@ -228,15 +226,16 @@ def _uniform_step(times: Array, named: _Stamps) -> float:
 
 
 def _scale(
-    ticks: NDArray,
-    step: float,
-    stated_rate: float | None,
-    tolerance: float,
-    source: str,
-    place: str,
+    ticks: NDArray, step: float, stated_rate: float | None, tolerance: float, named: _Stamps
 ) -> float:
     """Seconds in the unit of stamps for which the file states none."""
     if not np.array_equal(ticks, np.round(ticks)):
+        begun = float(ticks[0])
+        days = any(first < begun < first + _DAYS_OF_A_CENTURY for first in _DAYS_2000)
+        if stated_rate is None and days and step < _LARGEST_STEP_OF_DAYS:
+            rates = f"days ({1.0 / (step * TIME_UNITS['d']):g} Hz) or seconds ({1.0 / step:g} Hz)"
+            problem = f"the time stamps, {begun:.9g} at first and {step:.3g} apart, may be {rates}"
+            raise InputError(named.source, problem, "set time_unit to d or s", named.place)
         return 1.0
     if stated_rate is not None:
         for scale in TIME_UNITS.values():
@@ -251,11 +250,9 @@ def _scale(
             choice = f"set time_unit to {unit} if they count from 1970 ({1 / (step * scale):g} Hz)"
             choice += f", else to one of {', '.join(TIME_UNITS)}"
             break
-    problem = (
-        f"the time stamps are whole numbers {step:g} apart, which may be seconds, milliseconds or"
-        " microseconds"
-    )
-    raise InputError(source, problem, choice, place)
+    units = "seconds, milliseconds or microseconds"
+    problem = f"the time stamps are whole numbers {step:g} apart, which may be {units}"
+    raise InputError(named.source, problem, choice, named.place)
 
 
 def coarse_clock(times: Array) -> CoarseClock | None:

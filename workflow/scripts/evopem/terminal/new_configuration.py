@@ -33,6 +33,7 @@ CONFIGURATION = "config.yaml"
 
 _RESULTS = {"config.yaml", "recording.json", "transforms.json"}
 """Files of which a folder with results of evopem holds all."""
+_NUMBERS = "its channels holds numbers that change"
 _HEAD = """\
 # yaml-language-server: $schema={schema}
 # Written by `evopem init` from what the files hold. Check input, output and sampling rate of each
@@ -75,7 +76,8 @@ def configuration_text(folder: Path) -> str:
             entry = _entry(name, path, shown)
             complete(yaml.safe_load(f"datasets:\n{entry}"))
         except InputError as error:
-            unread.append(f"# {_comment(f'{shown}: {error.problem}; {error.remedy}.')}")
+            where = f"{shown}, {error.place}" if error.place else shown
+            unread.append(f"# {_comment(f'{where}: {error.problem}; {error.remedy}.')}")
         else:
             entries.append(entry)
             used.add(name.lower())
@@ -122,10 +124,8 @@ def _entry(name: str, path: Path, file: str) -> str:
     contents = inspect_file(path)
     signals = contents.signals
     if len(signals) < 2:
-        reason = f"{len(signals)} of its channels can be an input or an output"
-        unread = f"no two channels can be read. {contents.unread.rstrip('.')}"
-        problem = unread if contents.unread else reason
-        raise InputError(file, problem, "two are needed")
+        few = "only one" if signals else "none"
+        raise contents.unread or InputError(file, f"{few} of {_NUMBERS}", "two are needed")
     sources, targets, sure = _channels(signals)
     others = [_scalar(signal.reference) for signal in signals if signal not in (*sources, *targets)]
     lines = [f"  {_scalar(name)}:", f"    file: {_scalar(file)}"]
@@ -186,9 +186,12 @@ def certain_channels(path: str) -> tuple[Keys, str]:
     if roles is not None:
         keys = {"input": [roles.input], "output": [roles.output], "time": roles.time}
         return keys, f"{path}: {roles.sentence}"
+    if not signals:
+        remedy = "give a recording of signals"
+        raise contents.unread or InputError(path, f"none of {_NUMBERS}", remedy)
     if len(signals) < 2:
-        few = "only one" if signals else "none"
-        problem = contents.unread or f"{few} of its channels can be used"
+        also = f" ({contents.unread.place}: {contents.unread.problem})" if contents.unread else ""
+        problem = f"only one of {_NUMBERS}{also}"
     outputs = [str(signal.reference) for signal in named(signals, OUTPUT_NAMES)]
     alone = not sources or set(outputs) == set(names)
     example = ["none", *(outputs or names[:1])] if alone else [names[0], names[1]]
@@ -196,7 +199,7 @@ def certain_channels(path: str) -> tuple[Keys, str]:
         f"--{role} {shlex.quote(name)}"
         for role, name in zip(["input", *["output"] * len(example)], example, strict=False)
     )
-    rate = "" if time is not None or (signals and signals[0].sampling_rate) else " --rate HZ"
+    rate = "" if time is not None or signals[0].sampling_rate else " --rate HZ"
     raise InputError(path, problem, f"name them, as in: evopem {shlex.quote(path)} {options}{rate}")
 
 
@@ -215,7 +218,8 @@ def _rate(source: SignalColumn, target: SignalColumn, time: TimeColumn | None) -
         column = f"    time: {_scalar(time.reference)}"
         if time.sampling_rate is not None:
             return [f"{column}  # {time.sampling_rate:g} Hz"]
-        to_set = "time_unit: ms  # to be set: " if "time_unit" in time.problem else ""
+        likely = re.search(r"set time_unit to (?:one of \w+, )?(\w+)", time.problem)
+        to_set = f"time_unit: {likely[1]}  # to be set: " if likely else ""
         return [column, f"    # {to_set}{_comment(time.problem)}"]
     if len(rates) == 1 and None not in rates:
         return [f"    # sampling rate: {rates.pop():g} Hz, as the file states"]

@@ -1,5 +1,6 @@
 """Text tables: separated by commas, semicolons, tabs or blanks, with or without headings."""
 
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import pairwise
@@ -24,6 +25,7 @@ from evopem.signals.readers.text_heading import Heading, find_heading
 LONGEST_PREAMBLE = 50
 """Up to this line, what is no number may belong to a preamble that was taken for samples."""
 
+_CLOCK = re.compile(r"\d:\d\d")
 _MISSING = ("", "nan", "+nan", "-nan")
 """What a field of a missing sample holds, in lower case."""
 
@@ -58,13 +60,8 @@ def opened(
         numbers = [number for number, _ in table.rows[heading.start :]]
         values = _values(table, fields, numbers, column)
         # R and pandas write the row numbers in front, without a heading.
-        nameless = bool(heading.names) and not names[column]
-        if (
-            nameless
-            and values.dtype.kind == "f"
-            and values.size > 1
-            and np.all(np.diff(values) == 1)
-        ):
+        nameless = bool(heading.names) and not names[column] and values.dtype.kind == "f"
+        if nameless and values.size > 1 and np.all(np.diff(values) == 1):
             held = f"the row numbers {values[0]:g} to {values[-1]:g}"
             problem = f"the column has no heading and holds {held}"
             raise InputError(str(path), problem, "choose another column", f"column {column + 1}")
@@ -150,7 +147,7 @@ def _values(table: Table, fields: list[str], lines: list[int], column: int) -> N
     values = np.full(len(fields), np.nan)
     for index, (line, text) in enumerate(zip(lines, fields, strict=True)):
         shown = text.strip()
-        problem = ""
+        problem, remedy = "", "repair or remove that sample"
         if dated:
             if not is_date(text):
                 problem = f'"{shown[:40]}" is no date like those above' if shown else "it is empty"
@@ -163,8 +160,11 @@ def _values(table: Table, fields: list[str], lines: list[int], column: int) -> N
                 swapped = "." if comma else ","
                 if swapped in shown and dialect.is_number(shown.replace(swapped, "")):
                     problem += f' with a decimal "{dialect.decimal_mark}"'
+                elif _CLOCK.search(shown):
+                    problem = f'"{shown[:40]}" is no date of a known form'
+                    remedy = "write dates as 2024-05-31T12:00:00.000, or leave time out and state"
+                    remedy += " sampling_rate"
         if problem:
-            remedy = "repair or remove that sample"
             if line <= LONGEST_PREAMBLE:
                 remedy += ", or set header_lines if the first sample stands below it"
             place = f"line {line}, column {column + 1}"

@@ -34,7 +34,7 @@ _OPENING_QUOTE = re.compile(r'(^|[,;\t])\s*"')
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.I)
 _CLOCK = r"\d?\d:\d\d:\d\d([.,]\d+)?"
 _DATE = re.compile(
-    r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?)?(Z|[+-]\d\d:?\d\d)?"
+    r"\d{4}([-/])\d\d\1\d\d([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?)?(Z|[+-]\d\d:?\d\d)?"
     rf"|(\d\d\.\d\d\.\d{{4}} +)?{_CLOCK}"
 )
 _COMMA_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
@@ -83,7 +83,7 @@ def is_date(text: str) -> bool:
 
 def iso_date(text: str) -> str:
     """A date or time of day in the notation of ISO 8601; a time of day is that of a first day."""
-    text = text.strip().replace(",", ".")
+    text = text.strip().replace(",", ".").replace("/", "-")
     *day, clock = text.split()
     if "-" in text or ":" not in clock:
         return text

@@ -219,7 +219,7 @@ def linear(evidence: Evidence) -> Found:
     FEEDBACK,
     "The input depends on the output, as of a controller: the model may be that of the controller,"
     " or carry its bias. Use a structure with a noise model and a delay of one sample at least, or"
-    " record without the controller.",
+    " record without the controller. Exchange input and output if the input is the response.",
     of_noise=True,
 )
 def without_feedback(evidence: Evidence) -> Found | None:
