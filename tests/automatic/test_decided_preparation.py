@@ -146,6 +146,21 @@ def test_a_response_to_steps_behind_a_long_delay_has_no_outliers():
     assert decide_objective([Segment(u, y)])[0] == "absolute"
 
 
+def test_heavy_tails_of_noise_common_to_outputs_are_no_outliers():
+    """Absolute errors of outputs are independent ones, squares may be correlated: with true orders,
+    in 30 records of such noise the response errs by 8 % with squares, with absolute errors by 12.
+    """
+    generator = np.random.default_rng(1)
+    u, common = generator.standard_normal((600, 1)), generator.standard_t(3, (600, 1))
+    y = lfilter([0.0, 1.0], [1.0, -0.8], u, axis=0) + common
+    y = y * [1.0, 2.0] + 0.3 * generator.standard_t(3, (600, 2))
+    assert decide_objective([Segment(u, y)])[0] == "quadratic"
+    assert decide_objective([Segment(u, y[:, :1])])[0] == "absolute"
+    y[generator.integers(0, 600, 12), 0] += 10.0
+    y[generator.integers(0, 600, 12), 1] -= 20.0
+    assert decide_objective([Segment(u, y)])[0] == "absolute"
+
+
 def test_an_output_that_drifts_is_not_taken_for_oversampled():
     """Nearly all power of the arm's output is drift below 1 Hz; its modes reach up to 37 Hz."""
     recording, _ = flexible_arm(1, 4000)

@@ -195,7 +195,8 @@ def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
 
     Least squares is the maximum-likelihood estimate for normal residuals, least absolute deviations
     that for residuals of Laplace's distribution.  Both are fitted to ARX models, which whiten the
-    residuals; each is represented by its likeliest order.  Logarithms of outputs are added up.
+    residuals; each is represented by its likeliest order.  Normal residuals of several outputs may
+    be correlated, as their models have it, and absolute ones may not.
 
     Disturbances come whatever the input does.  Where the sizes of the residuals follow its changes,
     they are what a linear model misses, as of friction, and least squares give the linear model of
@@ -211,22 +212,21 @@ def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
 def _objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
     """What ARX models without delays say of the objective."""
     orders, inputs = _orders(stretches, OBJECTIVE_ORDERS) or [1], stretches[0].inputs.shape[1]
-    lowest, left = dict.fromkeys(("quadratic", "absolute"), np.inf), []
+    lowest, left = dict.fromkeys(("quadratic", "absolute"), np.inf), np.empty((0, 0))
     for name, n in product(lowest, orders):
         with suppress(NoModelError):
-            total, model, parts = 0.0, Orders(na=n, nb=(n + 1,) * inputs), []
-            for alone in _of_outputs(stretches):
-                fitted = fit(alone, model, name)
-                parts.append(max(fitted.residuals, key=len)[:, 0])
-                residuals = np.concatenate(fitted.residuals)
-                penalty = fitted.parameters * np.log(len(residuals)) / len(residuals)
-                total += 0.5 * (log_loss(residuals, name) + penalty)
-            if total < lowest[name]:
-                lowest[name], left = total, parts
+            model = Orders(na=n, nb=(n + 1,) * inputs)
+            fits = [fit(alone, model, name) for alone in _of_outputs(stretches)]
+            parts = [np.hstack(part) for part in zip(*(f.residuals for f in fits), strict=True)]
+            residuals, parameters = np.concatenate(parts), sum(f.parameters for f in fits)
+            penalty = parameters * np.log(len(residuals)) / len(residuals)
+            half = 0.5 * (log_loss(residuals, name) + float(penalty))
+            if half < lowest[name]:
+                lowest[name], left = half, max(parts, key=len)
     evidence = total_samples(stretches) * (lowest["quadratic"] - lowest["absolute"])
     is_heavy = evidence > LEAST_EVIDENCE
     longest = max(stretches, key=lambda stretch: stretch.samples)
-    is_absolute = is_heavy and not any(follow_input(longest, e) for e in left)
+    is_absolute = is_heavy and not any(follow_input(longest, e) for e in left.T)
     said = "Outliers do not call for the absolute objective."
     if is_heavy:
         said = "The large ones follow changes of the input: they are what a linear model misses."
