@@ -306,8 +306,12 @@ def correlation_with_input(
     # At a lag so many samples of the stretches have another one to be multiplied by.
     lengths = np.diff(bounds) if len(bounds) > 2 else np.array([samples])
     shared = np.maximum(lengths[:, None] - np.abs(lag), 0).sum(axis=0) / samples
-    covariance = scipy.linalg.toeplitz(related) * np.sqrt(np.outer(shared, shared))
-    powers = covariance, covariance @ covariance
-    sums = float(np.trace(covariance)), *(float(np.sum(part * covariance)) for part in powers)
+    # The covariance is the same from both ends: on even and odd sequences it acts apart.
+    root = np.sqrt(shared[lags:]) * np.append(math.sqrt(0.5), np.ones(lags))
+    near = scipy.linalg.toeplitz(related[: lags + 1])
+    far = scipy.linalg.hankel(related[: lags + 1], related[lags:])
+    halves = np.stack([near + far, near - far]) * np.outer(root, root)
+    powers = halves, halves @ np.swapaxes(halves, 1, 2)
+    sums = float(np.einsum("kii->", halves)), *(float(np.vdot(part, halves)) for part in powers)
     p_value = weighted_chi_square_tail(samples * float(correlation @ correlation), *sums)
     return ResidualCorrelation(lag, correlation, bound, p_value)
