@@ -10,6 +10,7 @@ compressive characteristic make it non-stationary in mean and variance.
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array
 from evopem.config.channels import SyntheticSource
@@ -115,15 +116,15 @@ def armax(
     output is summed ``difference`` times and put through the inverse Box-Cox transform, so that a
     preparation with the same values gives the ARMAX recording back.
     """
-    from scipy.signal import lfilter
-
     model = true_model(sampling_rate)
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
     total = samples + WARM_UP
     u = generator.standard_normal(total)
     clean = model.simulate(u)
     deviation = noise * float(np.std(clean[WARM_UP:]))
-    output = clean + lfilter(model.C, model.A, deviation * generator.standard_normal(total))
+    output = clean + scipy.signal.lfilter(
+        model.C, model.A, deviation * generator.standard_normal(total)
+    )
     output = undo_stationarity(output[WARM_UP:], box_cox, difference)
     recording = Recording(
         inputs=u[WARM_UP:],
@@ -150,14 +151,12 @@ def armax(
 
 def undo_stationarity(signal: Array, box_cox: float | None, difference: int) -> Array:
     """Sum a signal, lift it above zero and transform it; Box-Cox and differencing bring it back."""
-    from scipy.special import inv_boxcox
-
     summed = signal
     for _ in range(difference):
         summed = np.cumsum(summed)
     if box_cox is None:
         return summed
-    return inv_boxcox(summed - summed.min() + np.std(summed), box_cox)
+    return scipy.special.inv_boxcox(summed - summed.min() + np.std(summed), box_cox)
 
 
 def flexible_arm(
@@ -172,9 +171,6 @@ def flexible_arm(
     >>> [mode.frequency_hz for mode in truth.modes]
     [2.0, 5.36, 16.65, 37.0]
     """
-    from scipy.signal import cont2discrete
-    from scipy.special import inv_boxcox
-
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,)))
     warm_up = int(WARM_UP_SECONDS * sampling_rate)
     total = samples + warm_up + TRANSPORT_SAMPLES
@@ -189,7 +185,7 @@ def flexible_arm(
         a, b, c = arm_dynamics(1.0 - softening * float(loads[first]))
         # Zero-order hold of both inputs over a sampling interval, exactly.
         continuous = a, b, c[None, :], np.zeros((1, 2))
-        transition, drive, *_ = cont2discrete(continuous, 1.0 / sampling_rate)
+        transition, drive, *_ = scipy.signal.cont2discrete(continuous, 1.0 / sampling_rate)
         signals = np.column_stack([command, disturbance])[first : first + held]
         states = states_of(transition, signals @ drive.T, state)
         state = transition @ states[-1] + drive @ signals[-1]
@@ -201,7 +197,9 @@ def flexible_arm(
     noise = SENSOR_NOISE * spread * generator.standard_normal(samples)
     drift = np.cumsum(np.cumsum(DRIFT_STEP * spread * generator.standard_normal(samples)))
     measured = delayed + drift + noise
-    volts = inv_boxcox(SENSOR_GAIN * (measured - measured.min() + spread), CHARACTERISTIC)
+    volts = scipy.special.inv_boxcox(
+        SENSOR_GAIN * (measured - measured.min() + spread), CHARACTERISTIC
+    )
     recording = Recording(
         inputs=command[record],
         outputs=volts,

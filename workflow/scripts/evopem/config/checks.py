@@ -211,7 +211,6 @@ def check_settings(settings: DatasetSettings, keys: Keys, at: Place) -> None:
         problem = f"{split.estimation} is a number of samples, and whole recordings are held out"
         remedy = "give a fraction between 0 and 1, or write by: samples beside it to cut each"
         at.refuse("split.estimation", problem, f"{remedy} recording")
-
     _check_condition(settings, at)
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array
 from evopem.automatic.varying import Varying, table_of, whole
@@ -69,17 +70,17 @@ def frozen_gains(model: VaryingModel) -> tuple[Array, Array, Array]:
 
 def spectrograms(scheduled: Scheduled) -> list[tuple[Array, Array, Array]]:
     """Times, frequencies and multitaper power, (F, T), dB, of stretches that fill a window."""
-    from scipy.signal import ShortTimeFFT
-    from scipy.signal.windows import dpss
-
     y, times, rate = scheduled.data.output, scheduled.schedule, scheduled.data.sampling_rate
     breaks = np.flatnonzero(np.abs(np.diff(times) * rate - 1.0) > 0.5) + 1
     length = max(int(np.sqrt(8.0 * scheduled.data.longest.samples)), 16)
-    windows, drawn = dpss(length, HALFBANDWIDTH, TAPERS), list[tuple[Array, Array, Array]]()
+    windows = scipy.signal.windows.dpss(length, HALFBANDWIDTH, TAPERS)
+    drawn: list[tuple[Array, Array, Array]] = []
     for part in np.split(np.arange(len(y)), breaks):
         if len(part) < length:
             continue
-        transforms = [ShortTimeFFT(taper, max(length // 8, 1), rate) for taper in windows]
+        transforms = [
+            scipy.signal.ShortTimeFFT(taper, max(length // 8, 1), rate) for taper in windows
+        ]
         centred = y[part] - y[part].mean()
         powers = [np.abs(transform.stft(centred)) ** 2 for transform in transforms]
         at = transforms[0].t(len(part))

@@ -52,10 +52,8 @@ class TransferFunction:
         """p-value of the hypothesis that the relative degree is so large, by Wald's test."""
         if self.covariance is None:
             return float("nan")
-        leading, spread = (
-            self.num[:degree],
-            self.covariance.of(np.eye(degree, len(self.covariance))),
-        )
+        leading = self.num[:degree]
+        spread = self.covariance.of(np.eye(degree, len(self.covariance)))
         scale = np.sqrt(np.diag(spread))
         free = (leading != 0.0) | (scale != 0.0)  # others are zero by construction
         with np.errstate(all="ignore"):
@@ -248,9 +246,7 @@ class ContinuousModel:
 
     def to_scipy(self):  # type: ignore[no-untyped-def]
         """A ``scipy.signal.StateSpace`` in continuous time, which has no :attr:`delays`."""
-        from scipy.signal import StateSpace
-
-        return StateSpace(self.A, self.B, self.C, self.D)
+        return scipy.signal.StateSpace(self.A, self.B, self.C, self.D)
 
     def to_control(self):  # type: ignore[no-untyped-def]
         """A ``control.StateSpace`` in s, which has no :attr:`delays`; needs python-control."""

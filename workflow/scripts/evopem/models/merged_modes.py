@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import Self
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array, Complex, Flags, Indices
 from evopem.errors import InputError
@@ -64,8 +65,6 @@ def merge_setups(setups: Sequence[Setup]) -> MergedModes:
     are enlarged alike.  InputError where there are fewer than two set-ups, nothing connects them,
     or no mode is common.
     """
-    from scipy.stats import chi2
-
     check_setups(setups)
     groups = common_modes(setups)
     if not groups:
@@ -81,7 +80,9 @@ def merge_setups(setups: Sequence[Setup]) -> MergedModes:
     while True:
         structure = structure.fitted(parts)
         apart = {k: structure.apart(part) for k, part in parts.items() if k not in contradictions}
-        p_values = {k: float(chi2.logsf(np.sum(d / s), len(d))) for k, (d, s) in apart.items()}
+        p_values = {
+            k: float(scipy.stats.chi2.logsf(np.sum(d / s), len(d))) for k, (d, s) in apart.items()
+        }
         if min(p_values.values(), default=0.0) >= np.log(FALSE_ALARMS / len(setups)):
             break
         # That without which the others agree best; of the last two, each contradicts the other.
@@ -109,13 +110,14 @@ def _enlargement(squares: Array, variances: Array, both: bool) -> float:
     """How many times as large the variances of a set-up have to be for it to agree with the others.
     The sum of ``squares`` of differences over their variances is then their number (Birge 1932). Of
     ``variances`` 1 is the set-up's, the rest the others'; with ``both`` these grow as well."""
-    from scipy.optimize import brentq
 
     def excess(ratio: float) -> float:
         enlarged = ratio * variances if both else variances + ratio - 1.0
         return float(np.sum(squares / enlarged)) - len(squares)
 
-    return float(brentq(excess, 1.0, 1.0 + np.sum(squares))) if excess(1.0) > 0.0 else 1.0
+    if not excess(1.0) > 0.0:
+        return 1.0
+    return float(scipy.optimize.brentq(excess, 1.0, 1.0 + np.sum(squares)))
 
 
 def _started(setups: Sequence[Setup], group: Mapping[int, int], channels: list[str]) -> Complex:

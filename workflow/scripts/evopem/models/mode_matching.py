@@ -13,6 +13,7 @@ from statistics import median
 from typing import Literal, Self
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array
 from evopem.models.modes import Mode, assurance
@@ -82,10 +83,8 @@ def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[i
 
 def paired(costs: Array) -> dict[int, int]:
     """The columns of rows, (n, m), each taken once, at the least cost; none of infinite cost."""
-    from scipy.optimize import linear_sum_assignment
-
     # One large cost for all of these, so that none displaces a good pair.
-    rows, columns = linear_sum_assignment(np.where(np.isfinite(costs), costs, 1e3))
+    rows, columns = scipy.optimize.linear_sum_assignment(np.where(np.isfinite(costs), costs, 1e3))
     pairs = zip(rows.tolist(), columns.tolist(), strict=True)
     return {row: column for row, column in pairs if np.isfinite(costs[row, column])}
 

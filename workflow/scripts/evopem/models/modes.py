@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import scipy  # whose parts load on first use
 from numpy.typing import NDArray
 
 from evopem.arrays import Array, Complex
@@ -187,9 +188,7 @@ def eigenvectors(A: Array) -> tuple[Complex, Complex, Complex]:
 
     Left vectors of defective eigenvalues, such as repeated ones at zero, are zero.
     """
-    from scipy.linalg import eig
-
-    poles, left, right = eig(A, left=True, right=True)
+    poles, left, right = scipy.linalg.eig(A, left=True, right=True)
     products = np.sum(left.conj() * right, axis=0)
     defective = np.abs(products) < DEFECTIVE
     scales = np.where(defective, np.inf, products.conj())

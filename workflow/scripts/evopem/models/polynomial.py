@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+import scipy  # whose parts load on first use
 from numpy.typing import ArrayLike, NDArray
 
 from evopem.arrays import Array, Complex, columns
@@ -199,8 +200,6 @@ class PolynomialModel(Polynomials):
         ``y_t`` less the innovations of the last ``horizon`` samples through the noise filter
         (Ljung 1999, eq. 3.29), from rest; NaN where the past is not known.
         """
-        from scipy.signal import lfilter, oaconvolve
-
         if horizon < 1:
             raise ValueError(f"horizon must be at least 1 sample, not {horizon}")
         y = columns(output, 1, "output")[:, 0]
@@ -210,9 +209,9 @@ class PolynomialModel(Polynomials):
         predicted = np.full(len(y), np.nan)
         # Of long responses the product of spectra is faster than the sum.
         unknown = (
-            lfilter(response, [1.0], e[first:])
+            scipy.signal.lfilter(response, [1.0], e[first:])
             if horizon <= LONG_HORIZON
-            else oaconvolve(e[first:], response)[: len(y) - first]
+            else scipy.signal.oaconvolve(e[first:], response)[: len(y) - first]
         )
         predicted[first:] = y[first:] - unknown
         return predicted
@@ -222,12 +221,10 @@ class PolynomialModel(Polynomials):
 
         From other initial states: :meth:`.StateSpaceModel.simulate` of :meth:`state_space`.
         """
-        from scipy.signal import lfilter
-
         u = self._inputs(inputs)
         simulated = np.full(len(u), self.output_level)
         for i in range(self.inputs):
-            simulated += lfilter(*self._path(i), u[:, i])
+            simulated += scipy.signal.lfilter(*self._path(i), u[:, i])
         return simulated
 
     def frequency_response(self, frequencies: ArrayLike) -> Complex:
@@ -272,11 +269,11 @@ class PolynomialModel(Polynomials):
         Of a model without input, the noise filter ``H``.  SciPy takes leading coefficients of B
         below 1e-14 for zero, and warns of it.
         """
-        from scipy.signal import TransferFunction
-
         if self.inputs > 1:
             return self.state_space().to_scipy()
-        return TransferFunction(*self.transfer_functions[0], dt=1.0 / self.sampling_rate)
+        return scipy.signal.TransferFunction(
+            *self.transfer_functions[0], dt=1.0 / self.sampling_rate
+        )
 
     @property
     def transfer_functions(self) -> list[tuple[Array, Array]]:
@@ -344,12 +341,10 @@ def save_model_mat(
     The level of the outputs, which they do not have, is stored beside them, and what ``idtf`` takes
     of the model in continuous time in a structure.
     """
-    from scipy.io import savemat
-
     with atomic_write(Path(path)) as temporary, temporary.open("wb") as stream:
         in_s = continuous.model if continuous else None
         beside = {"Continuous": in_s.matlab_arguments()} if in_s else {}
-        savemat(stream, {**model.matlab_arguments(), **beside})
+        scipy.io.savemat(stream, {**model.matlab_arguments(), **beside})
         # SciPy stamps the header with the time of writing; the same model must give the same
         # bytes.  The first 116 bytes are free text (MATLAB Level 5 MAT-file format).
         stream.seek(0)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 
 import numpy as np
+import scipy  # whose parts load on first use
 from numpy.typing import ArrayLike
 
 from evopem.arrays import Array, Complex, columns
@@ -166,19 +167,18 @@ class Polynomials:
         ``orders.first_residual``.
         With a fitted state: :meth:`.StateSpaceModel.residuals` of the model in state space.
         """
-        from scipy.signal import lfilter
-
         u, y = self._inputs(inputs), columns(output, 1, "output")[:, 0]
         if len(u) != len(y):
             raise ValueError(f"inputs have {len(u)} samples, the output has {len(y)}")
         first = self.orders.first_residual
         if len(y) <= first:
             raise ValueError(f"the model needs more than {first} samples, not {len(y)}")
-        v = lfilter(self.A, [1.0], y)[first:] - self.level
+        v = scipy.signal.lfilter(self.A, [1.0], y)[first:] - self.level
         for i, f in enumerate(self.F):
-            v = v - lfilter([1.0], f, lfilter(self.delayed_b(i), [1.0], u[:, i])[first:])
+            driven = scipy.signal.lfilter(self.delayed_b(i), [1.0], u[:, i])
+            v = v - scipy.signal.lfilter([1.0], f, driven[first:])
         e = np.full(len(y), np.nan)
-        e[first:] = lfilter(self.D, self.C, v)
+        e[first:] = scipy.signal.lfilter(self.D, self.C, v)
         return e
 
     def _inputs(self, inputs: ArrayLike) -> Array:
@@ -196,8 +196,6 @@ def _arrays(given: Array | Sequence[ArrayLike]) -> tuple[Array, ...]:
 
 def impulse_response(above: Array, below: Array, samples: int) -> Array:
     """Response of a filter to a unit impulse at sample 0, (samples,)."""
-    from scipy.signal import lfilter
-
     impulse = np.zeros(samples)
     impulse[:1] = 1.0
-    return np.asarray(lfilter(above, below, impulse))
+    return np.asarray(scipy.signal.lfilter(above, below, impulse))

@@ -349,10 +349,8 @@ class StateSpaceModel:
 
     def to_scipy(self):  # type: ignore[no-untyped-def]
         """``G`` as a discrete-time ``scipy.signal.StateSpace``."""
-        from scipy.signal import StateSpace
-
         m = self.without_delays()
-        return StateSpace(m.A, m.B, m.C, m.D, dt=1.0 / self.sampling_rate)
+        return scipy.signal.StateSpace(m.A, m.B, m.C, m.D, dt=1.0 / self.sampling_rate)
 
     def matlab_arguments(self) -> dict[str, ArrayLike]:
         """Arguments of MATLAB's ``idss(A,B,C,D,K,'Ts',Ts,'NoiseVariance',L,'InputDelay',d)``.

@@ -11,9 +11,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy  # whose parts load on first use
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.linalg import toeplitz
-from scipy.special import chdtri
 
 from evopem.arrays import Array, Flags
 from evopem.errors import InputError
@@ -98,12 +97,11 @@ def _short_gaps(missing: Flags, inputs: int, longest: int) -> Flags:
 
 def _filled(signals: Array, missing: Flags, short: Flags) -> Array:
     """Signals, (N, channels), with cubic splines through the others in place of short gaps."""
-    from scipy.interpolate import CubicSpline
-
     filled = signals.copy()
     for values, lost, gaps in zip(filled.T, missing.T, short.T, strict=True):
         if gaps.any():
-            values[gaps] = CubicSpline(np.flatnonzero(~lost), values[~lost])(np.flatnonzero(gaps))
+            spline = scipy.interpolate.CubicSpline(np.flatnonzero(~lost), values[~lost])
+            values[gaps] = spline(np.flatnonzero(gaps))
     return filled
 
 
@@ -246,7 +244,9 @@ def _fill(part: Part, gaps: Flags, model: _Arx) -> None:
     for first, stop in runs_of(gaps):
         end = min(stop + lags, len(y))
         if first >= lags and end > stop:
-            effects = toeplitz(np.pad(a, (0, stop - first))[: end - first], np.zeros(stop - first))
+            effects = scipy.linalg.toeplitz(
+                np.pad(a, (0, stop - first))[: end - first], np.zeros(stop - first)
+            )
             step = np.linalg.lstsq(effects, -errors[first:end], rcond=None)[0]
             y[first:stop] += step
             errors[first:end] += effects @ step
@@ -313,7 +313,7 @@ def _judged(part: Part, before: Array, mask: Flags, model: _Arx) -> tuple[Flags,
     wrong, powers = np.zeros(len(mask), bool), [0.0, 0.0]
     for at in np.flatnonzero(mask):
         near = residuals[max(at - lags, lags) : at + lags + 1]
-        strange = np.sum(near**2) > chdtri(len(near), UNEXPLAINED_LEVEL)
+        strange = np.sum(near**2) > scipy.special.chdtri(len(near), UNEXPLAINED_LEVEL)
         powers[int(strange)] += changes[at] ** 2
         wrong[at] = not strange and clear[at] and alone[at] > AS_LIKELY * passed[at]
     return wrong, powers[0], powers[1]

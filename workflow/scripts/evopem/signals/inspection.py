@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array, one_blas_thread
 from evopem.errors import InputError
@@ -179,8 +180,6 @@ def causality_test(first: Array, second: Array) -> CausalityTest:
     An input that no feedback reaches is predicted from its own past as well as from both, and an
     output is not (Granger 1969).  BIC of both regressions together chooses their order.
     """
-    from scipy.special import fdtrc
-
     x, z = (_standardized(signal[:MOST_SAMPLES]) for signal in (first, second))
     most = min(MOST_LAGS, len(x) // SAMPLES_PER_LAG)
     if most < 1:
@@ -199,7 +198,7 @@ def causality_test(first: Array, second: Array) -> CausalityTest:
         p_values = []
         for restricted, both in (_remainders(triangle, lags, most) for triangle in triangles):
             statistic = (restricted - both) / lags / max(both / freedom, 1e-300)
-            p_values.append(float(fdtrc(lags, freedom, max(statistic, 0.0))))
+            p_values.append(float(scipy.special.fdtrc(lags, freedom, max(statistic, 0.0))))
     return CausalityTest(p_values[0], p_values[1], lags)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array
 from evopem.signals.spectra import CONFIDENCE, Spectrum
@@ -25,8 +26,6 @@ def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
     resolution cells (width 2W). So are those of averages over 4 and over 16 cells, which reveal
     broad peaks; a broad one counts only where no narrower one lies on its upper half.
     """
-    from scipy.ndimage import uniform_filter1d
-
     step = spectrum.frequencies[1]
     level = _without_ends(spectrum)
     prominences: dict[int, float] = {}
@@ -34,7 +33,9 @@ def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
         width = max(1, round(cells * spectrum.resolution_hz / step))
         if cells > 1 and width > MAX_AVERAGED_SHARE * level.size:
             break
-        averaged = level if cells == 1 else uniform_filter1d(level, width, mode="nearest")
+        averaged = (
+            level if cells == 1 else scipy.ndimage.uniform_filter1d(level, width, mode="nearest")
+        )
         narrower = np.array(list(prominences), dtype=np.int64)
         for top, start, stop, prominence in _prominent(averaged, spectrum, cells):
             known = (narrower >= start - width) & (narrower <= stop + width)
@@ -91,18 +92,15 @@ def _prominent(
 ) -> Iterator[tuple[int, float, float, float]]:
     """Local maxima whose prominence exceeds the noise's spread. Of each the index, where it is
     halfway down (in dB) on both sides, and the prominence in dB."""
-    from scipy.signal import find_peaks
-    from scipy.stats import chi2
-
     decibels = 10.0 * np.log10(np.maximum(averaged, np.finfo(np.float64).tiny))
-    tops, properties = find_peaks(decibels, prominence=0.0, width=0.0, rel_height=0.5)
+    tops, properties = scipy.signal.find_peaks(decibels, prominence=0.0, width=0.0, rel_height=0.5)
     left, right = properties["left_bases"], properties["right_bases"]
     valleys = np.where(averaged[left] > averaged[right], left, right)
     independent = max(1.0, spectrum.frequencies[-1] / (cells * spectrum.resolution_hz))
     freedom = cells * spectrum.degrees_of_freedom
     tail = (1.0 - CONFIDENCE) / (2.0 * independent)
-    high = chi2.isf(tail, freedom[tops]) / freedom[tops]
-    low = chi2.ppf(tail, freedom[valleys]) / freedom[valleys]
+    high = scipy.stats.chi2.isf(tail, freedom[tops]) / freedom[tops]
+    low = scipy.stats.chi2.ppf(tail, freedom[valleys]) / freedom[valleys]
     heights = properties["prominences"]
     kept = heights > 10.0 * np.log10(high / low)
     sides = properties["left_ips"][kept], properties["right_ips"][kept]

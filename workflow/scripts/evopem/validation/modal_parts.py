@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array, Complex
 from evopem.models.modes import Mode
@@ -126,9 +127,9 @@ class ModalParts:
         The pair is removed together with the zeros of the filter nearest to it: a pole that these
         cancel makes no difference.  The filter of several outputs has no such zeros.
         """
-        from scipy.signal import lfilter
-
-        without = lfilter(_nearest(zeros, pole), _factor(pole), self.innovations, axis=0)
+        without = scipy.signal.lfilter(
+            _nearest(zeros, pole), _factor(pole), self.innovations, axis=0
+        )
         tested = without[self.first :]
         explained = tested - self.innovations[self.first :]
         return HeldOutContribution(tested, explained, [np.empty((len(tested), 0))])
@@ -161,12 +162,10 @@ def free_responses(poles: Complex, samples: int) -> Array:
 
 def _response(mode: Mode, drives: Array, participation: Complex) -> Array:
     """What a pair of poles adds to the outputs, (N, l), from rest."""
-    from scipy.signal import lfilter
-
     if not len(participation):
         return np.zeros((len(drives), len(mode.shape)))
     with np.errstate(over="ignore", invalid="ignore"):
-        modal = lfilter([1.0], [1.0, -mode.pole], drives @ participation)
+        modal = scipy.signal.lfilter([1.0], [1.0, -mode.pole], drives @ participation)
         return np.asarray(2.0 * np.outer(modal, mode.shape).real)
 
 

@@ -12,7 +12,6 @@ from typing import Literal, Self
 import numpy as np
 import scipy  # whose parts load on first use
 from numpy.polynomial.legendre import legvander
-from scipy.special import chdtrc
 
 from evopem.arrays import Array, Flags
 from evopem.models.state_space import StateSpaceModel
@@ -267,7 +266,7 @@ def _of_outputs(stretches: Sequence[_Stretch], regressors: Regressors) -> Residu
             scores += scores_statistic(left_in_blocks(blocks, triangle, count))
             freedom, samples = freedom + count, samples + n
         if freedom:
-            p_value = min(outputs * float(chdtrc(freedom, min(ratio, scores))), 1.0)
+            p_value = min(outputs * float(scipy.special.chdtrc(freedom, min(ratio, scores))), 1.0)
             tests.append(ResidualTest(p_value, -math.expm1(-ratio / samples)))
     return min(tests, key=lambda test: test.p_value, default=NOT_TESTED)
 
@@ -382,7 +381,7 @@ def feedback_test(parts: Sequence[tuple[Array, Array]], direct: Flags) -> Residu
             freedom += not direct[place], LATER
             samples += n
         if freedom[1]:
-            probable = chdtrc(np.maximum(freedom, 1), statistics)
+            probable = scipy.special.chdtrc(np.maximum(freedom, 1), statistics)
             p_value = min(2 * count * float(np.min(probable)), 1.0)
             # Without what unrelated signals have by chance.
             beyond = max((explained - float(np.sum(freedom))) / samples, 0.0)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import scipy  # whose parts load on first use
 from numpy.typing import ArrayLike
-from scipy.special import chdtrc
 
 from evopem.arrays import Array, Integers
 from evopem.estimation.pem.covariance import density_at_zero
@@ -107,7 +106,7 @@ def weighted_chi_square_tail(value: float, mean: float, square: float, cube: flo
     if not (cube > 0.0 and math.isfinite(value)):
         return math.nan
     freedom = square**3 / cube**2
-    return float(chdtrc(freedom, max((value - mean) * square / cube + freedom, 0.0)))
+    return float(scipy.special.chdtrc(freedom, max((value - mean) * square / cube + freedom, 0.0)))
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # whose parts load on first use
 from numpy.typing import ArrayLike
 
 from evopem.arrays import Array, Flags, Integers
@@ -170,8 +171,6 @@ def peak_evidence(
     degrees of freedom (Percival & Walden 1993, section 7.4).  The limit counts every resolution
     cell of all outputs (Bonferroni).  By rising frequency; empty where there is no spectrum.
     """
-    from scipy.stats import chi2
-
     settings = settings or SpectrumSettings()
     shape = (samples.sampling_rate, settings.time_halfbandwidth, settings.nfft)
     try:
@@ -186,7 +185,7 @@ def peak_evidence(
     modelled = modelled + _noise_density(model, output, spectrum, index)
     cells = max(1.0, spectrum.frequencies[-1] / spectrum.resolution_hz)
     freedom = spectrum.degrees_of_freedom[index]
-    limits = chi2.isf(CHANCE_LEVEL / (cells * model.outputs), freedom) / freedom
+    limits = scipy.stats.chi2.isf(CHANCE_LEVEL / (cells * model.outputs), freedom) / freedom
     with np.errstate(divide="ignore", invalid="ignore"):
         excess = spectrum.density[index] / modelled
     excess[~np.isfinite(modelled)] = math.nan

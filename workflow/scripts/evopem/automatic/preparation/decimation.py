@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array
 from evopem.automatic.cross_validation.folds import SHORTEST_BLOCK
@@ -170,12 +171,12 @@ def decimated_stretch(stretch: Segment, factor: int) -> Segment:
 
 def decimated(signals: Array, factor: int) -> Array:
     """Signals, (N, channels), at a lower rate, by a zero-phase FIR filter."""
-    from scipy.signal import decimate
-
     if factor == 1 or signals.shape[1] == 0:
         return signals[::factor]
     mean = signals.mean(axis=0)
-    lower: Array = decimate(signals - mean, factor, ftype="fir", zero_phase=True, axis=0)
+    lower: Array = scipy.signal.decimate(
+        signals - mean, factor, ftype="fir", zero_phase=True, axis=0
+    )
     return lower + mean
 
 
@@ -183,10 +184,8 @@ def smoothed(signals: Array, factor: int) -> Array:
     """What decimated signals still hold, at the original rate."""
     if factor == 1:
         return signals
-    from scipy.interpolate import make_interp_spline
-
     lower = decimated(signals, factor)
     times = np.arange(len(lower)) * factor
-    spline: Callable[[Array], Array] = make_interp_spline(times, lower, k=3)
+    spline: Callable[[Array], Array] = scipy.interpolate.make_interp_spline(times, lower, k=3)
     inside = np.minimum(np.arange(len(signals)), times[-1])
     return np.asarray(spline(inside.astype(float)))

@@ -5,6 +5,7 @@ from contextlib import suppress
 from itertools import product
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import errors_simulated_on
@@ -249,14 +250,13 @@ def follow_input(stretch: Segment, residuals: Array) -> bool:
     those of the changes at earlier samples, which outliers under feedback have no part in; its
     share by chance is taken off.
     """
-    from scipy.stats import rankdata
-
     changes = np.abs(np.diff(stretch.inputs, axis=0, prepend=stretch.inputs[:1]))
     end, n = len(changes), min(len(residuals), len(changes) - CHANGES)
-    count, sizes = CHANGES * changes.shape[1], rankdata(np.abs(residuals))[len(residuals) - n :]
+    count = CHANGES * changes.shape[1]
+    sizes = scipy.stats.rankdata(np.abs(residuals))[len(residuals) - n :]
     if not n > 2 * count > 0 or not np.ptp(sizes) > 0.0:
         return False
-    ranks, freedom = rankdata(changes, axis=0), n - count - 1
+    ranks, freedom = scipy.stats.rankdata(changes, axis=0), n - count - 1
     earlier = [ranks[end - n - k : end - k] for k in range(1, CHANGES + 1)]
     left = left_by(np.hstack([np.ones((n, 1)), *earlier]), sizes)
     share = 1.0 - float(np.var(left) / np.var(sizes)) * (n - 1) / freedom

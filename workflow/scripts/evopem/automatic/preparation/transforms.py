@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import errors_simulated_on
@@ -174,8 +175,6 @@ def spread_test(stretches: Sequence[Segment]) -> float:
 
     NaN where there are too few samples.
     """
-    from scipy.stats import spearmanr
-
     scaled = PreparedRecord.of(recording_of(centred(stretches)), PreparationPlan(())).stretches
     orders = Orders(na=SPREAD_ORDER, nb=(SPREAD_ORDER + 1,) * scaled[0].inputs.shape[1])
     try:
@@ -185,7 +184,9 @@ def spread_test(stretches: Sequence[Segment]) -> float:
     longer = [stretch for stretch in scaled if stretch.samples > fitted.first + 1]
     outputs = [s.output[-len(e) :] for s, e in zip(longer, fitted.residuals, strict=False)]
     residuals = np.concatenate(fitted.residuals)[:, 0]
-    return float(spearmanr(np.abs(residuals), np.concatenate(outputs) - residuals).pvalue)
+    return float(
+        scipy.stats.spearmanr(np.abs(residuals), np.concatenate(outputs) - residuals).pvalue
+    )
 
 
 def _transformed(stretch: Segment, plan: TransformPlan = TransformPlan()) -> Segment:

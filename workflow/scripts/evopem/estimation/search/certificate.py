@@ -5,6 +5,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import scipy  # whose parts load on first use
+
 from evopem.estimation.search.problem import SearchDiagnostics
 
 # Independent restarts that must end at the lowest value: batches of random points alone may miss an
@@ -37,9 +39,7 @@ class Calibration:
     def largest_error_rate(self) -> float:
         """Share of certified searches that miss a lower value: at most, with 95 % confidence.  The
         upper limit of Clopper & Pearson (1934)."""
-        from scipy.stats import beta
-
-        return float(beta.ppf(0.95, self.wrong + 1, self.certified - self.wrong))
+        return float(scipy.stats.beta.ppf(0.95, self.wrong + 1, self.certified - self.wrong))
 
 
 # At the default evaluations (benchmarks/search_certificate.py, docs/evidence/search.md).

@@ -8,6 +8,7 @@ from functools import cached_property, reduce
 from itertools import islice, product
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array
 from evopem.estimation.pem.kernels.bfgs import Descent
@@ -88,10 +89,6 @@ class PolynomialProblem(BasinHoppingProblem):
         """What the first estimate reaches: the scale of the objective, however bad a point is."""
         values = self.values(self._with_white_noise([next(self._plants())])[0])
         return float(np.min(values)) if np.isfinite(values).any() else 100.0
-
-    @cached_property
-    def _arx_denominator(self) -> Array:
-        return next(common_denominators(self.errors))
 
     def values(self, points: Array) -> Array:
         """Exact objective in percent, (M,)."""
@@ -239,8 +236,6 @@ class PolynomialProblem(BasinHoppingProblem):
 
     def _one_by_one(self, plant: list[Array]) -> list[Array]:
         """Each F_i by Steiglitz-McBride iterations on what the other inputs leave of the output."""
-        from scipy.signal import lfilter
-
         o, points = self.errors.orders, []
         u, y = self.errors.inputs, self.errors.output
         u, y = u - np.mean(u, axis=0), y - np.mean(y)
@@ -248,7 +243,8 @@ class PolynomialProblem(BasinHoppingProblem):
         outputs = []
         for i in range(o.inputs):
             b, f = point[o.part("b", i)], point[o.part("f", i)]
-            outputs.append(lfilter(np.append(np.zeros(o.nk[i]), b), np.append(1.0, f), u[:, i]))
+            delayed = np.append(np.zeros(o.nk[i]), b)
+            outputs.append(scipy.signal.lfilter(delayed, np.append(1.0, f), u[:, i]))
         for i, denominator in enumerate(plant):
             rest = y - sum(outputs) + outputs[i]
             given = o.nf[i], o.nb[i : i + 1], o.nk[i : i + 1], self.errors.plant_radius
@@ -346,7 +342,8 @@ class PolynomialProblem(BasinHoppingProblem):
         """Independent points with random A, C, D and F; the rest follows by least squares.  A of
         ARMAX models is that of the ARX model, from where descents are short (chapter section 4)."""
         of_armax = self.errors.orders.structure == "armax"
-        return self.spread(count, generator, self._arx_denominator if of_armax else None)[0]
+        a = next(common_denominators(self.errors)) if of_armax else None
+        return self.spread(count, generator, a)[0]
 
     def spread(
         self, count: int, generator: np.random.Generator, a: Array | None = None

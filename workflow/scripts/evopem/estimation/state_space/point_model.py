@@ -6,6 +6,7 @@ from itertools import combinations_with_replacement, pairwise
 from typing import NamedTuple
 
 import numpy as np
+import scipy  # whose parts load on first use
 from numpy.typing import NDArray
 
 from evopem.arrays import Array, Indices, Integers
@@ -290,11 +291,9 @@ def _sums_over_pairs(
 
 def _filtered(signals: Array, of_lags: Array, bounds: Integers) -> Array:
     """``sum_k of_lags_k signals_(t-k)`` over lags of either sign, segment by segment."""
-    from scipy.signal import oaconvolve  # loading it takes as long as all else together
-
     before = len(of_lags) // 2
     passed = np.empty_like(signals)
     for first, stop in pairwise(bounds):
-        whole = oaconvolve(signals[first:stop], of_lags[:, None], axes=0)
+        whole = scipy.signal.oaconvolve(signals[first:stop], of_lags[:, None], axes=0)
         passed[first:stop] = whole[before : before + stop - first]
     return passed

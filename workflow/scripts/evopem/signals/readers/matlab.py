@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.signals.readers import hdf5
 from evopem.signals.readers.numpy_files import StoredArray, contents_of, in_memory
@@ -29,11 +30,9 @@ def opened(path: Path) -> Iterator[Contents]:
 
 
 def _read_level_5(path: Path) -> dict[str, StoredArray]:
-    from scipy.io import loadmat
-
     with refusing_damage(path, "MATLAB file"):
         # Not mat_dtype=True: it drops the imaginary part of complex variables without a message.
-        content = loadmat(str(path), struct_as_record=True)
+        content = scipy.io.loadmat(str(path), struct_as_record=True)
     variables: dict[str, StoredArray] = {}
     for name, value in content.items():
         # Objects of classes come without a name; scipy's own entries begin with underscores.

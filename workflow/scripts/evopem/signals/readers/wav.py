@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.signals.readers.open_file import Channel, Contents, refusing_damage
 
@@ -16,12 +17,10 @@ def opened(path: Path) -> Iterator[Contents]:
 
     Samples of 24 bits are counts of 32.
     """
-    from scipy.io import wavfile
-
     with refusing_damage(path, "WAV file"), warnings.catch_warnings():
-        warnings.simplefilter("error", wavfile.WavFileWarning)  # of an end that is missing
-        warnings.filterwarnings("ignore", "Chunk", wavfile.WavFileWarning)
-        rate, values = wavfile.read(path)
+        warnings.simplefilter("error", scipy.io.wavfile.WavFileWarning)  # of an end that is missing
+        warnings.filterwarnings("ignore", "Chunk", scipy.io.wavfile.WavFileWarning)
+        rate, values = scipy.io.wavfile.read(path)
     columns = np.asarray(values).reshape(len(values), -1)
 
     def load(index: int) -> Channel:
