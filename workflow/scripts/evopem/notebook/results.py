@@ -21,16 +21,8 @@ from evopem.figures.comparison import compared_modes, compared_responses, compar
 from evopem.figures.draw import draw, panels_of
 from evopem.figures.moving import moving_modes
 from evopem.figures.style import PARAMETERS
+from evopem.files import checksums
 from evopem.files.atomic import files_below
-from evopem.files.checksums import (
-    COMMAND,
-    check_page,
-    check_replaceable,
-    checksummed,
-    delete_results,
-    write_checksums,
-    write_page,
-)
 from evopem.files.json_form import load, save
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
@@ -94,8 +86,8 @@ class _Reported:
             When matplotlib or jinja2 is missing, or the file cannot be written.
         """
         check_packages(FOR_REPORT, "report", "the figures and the page")
-        check_page(file)  # before the work
-        write_page(file, self._page())
+        checksums.check_page(file)  # before the work
+        checksums.write_page(file, self._page())
         return Path(file)
 
 
@@ -260,7 +252,7 @@ class Results(_Reported):
         """
         target, made = Path(folder), Path(self.files.folder)
         empty = not target.exists() or (target.is_dir() and not any(target.iterdir()))
-        if not empty and not checksummed(target):
+        if not empty and not checksums.checksummed(target):
             raise InputError(str(folder), "holds other files than results", "choose a new folder")
         if target.resolve() == made.resolve():
             return target
@@ -269,12 +261,12 @@ class Results(_Reported):
         if self._folder is not None and recorded:
             root = Path(self._folder.name)
             copies |= {target / name: root / name for name in recorded}
-        check_replaceable(copies, target)
-        delete_results(target)
+        checksums.check_replaceable(copies, target)
+        checksums.delete_results(target)
         for copy, file in copies.items():
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(file, copy)
-        write_checksums(copies, target, COMMAND)
+        checksums.write_checksums(copies, target, checksums.COMMAND)
         return target
 
 

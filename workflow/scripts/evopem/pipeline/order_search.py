@@ -2,13 +2,7 @@
 
 from dataclasses import replace
 
-from evopem.config.order_grid import (
-    DELAY_REFINED_IN,
-    candidate_orders,
-    needs_resonances,
-    previous_phase,
-    range_of,
-)
+from evopem.config import order_grid
 from evopem.config.settings import OrderGrid, ScoringWindow, SearchSettings
 from evopem.estimation.order_candidate import Candidate, PhaseSelection, first_pass
 from evopem.estimation.order_selection import OrderSearch, estimate_in_parallel
@@ -37,14 +31,14 @@ def estimate_candidates(
     Where candidates may be pruned this is a first pass: which of them are searched further is
     known only when all of the phase are there.  Those of the phase before are taken from there.
     """
-    previous = previous_phase(phase, grid.structure)
+    previous = order_grid.previous_phase(phase, grid.structure)
     before = load(PhaseSelection, files.phase(previous)) if previous else None
     resonances = (
         load(tuple[SpectrumSummary, ...], files.spectrum_summary)[0].resonances
-        if needs_resonances(phase, grid)
+        if order_grid.needs_resonances(phase, grid)
         else None
     )
-    orders = candidate_orders(
+    orders = order_grid.candidate_orders(
         phase, grid, before.orders.single._asdict() if before else None, resonances
     )
     of_part = [orders_of(grid.structure, order) for order in orders[part - 1 :: parts]]
@@ -78,7 +72,7 @@ def select_candidate(
         for candidate in load(tuple[Candidate, ...], files.part(phase, part))
     ]
     data = load_prepared(files.prepared, files.transforms).estimation
-    min_delay = range_of(grid, "nk")[0] if phase == DELAY_REFINED_IN else None
+    min_delay = order_grid.range_of(grid, "nk")[0] if phase == order_grid.DELAY_REFINED_IN else None
     given = OrderSearch(data, search, window, grid.level, log)
     selection = select(given, candidates, phase, min_delay)
     if log is not None:

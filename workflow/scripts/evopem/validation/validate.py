@@ -16,6 +16,7 @@ from evopem.models.polynomial import PolynomialModel, state_space_of
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import Recording
+from evopem.validation import spectra, tables
 from evopem.validation.distortion import distortion_of, floors_of
 from evopem.validation.held_out_tests import (
     NO_TEST,
@@ -47,22 +48,6 @@ from evopem.validation.responses import (
     responses_of,
     stretches_of,
     unscored_samples,
-)
-from evopem.validation.spectra import (
-    excitation_order,
-    hidden_bands,
-    needed_excitation,
-    peak_evidence,
-    split_spectra,
-)
-from evopem.validation.tables import (
-    correlation_table,
-    error_percent,
-    horizon_table,
-    outlier_percent,
-    recorded_errors,
-    recorded_series,
-    simulation_table,
 )
 from evopem.validation.validation import (
     InputValidation,
@@ -119,7 +104,7 @@ def validate(
     if not responses.scored.any():
         raise ValueError("no validation sample is left to score; keep more samples for validation")
     tested = EstimationResiduals.of(_estimation_stretches(form, prepared.estimation))
-    recorded = recorded_series(prepared.transforms, responses)
+    recorded = tables.recorded_series(prepared.transforms, responses)
     outputs, autocorrelations, horizons = _outputs(
         form, prepared, held_out, responses, recorded, tested, objective, spectrum
     )
@@ -159,10 +144,10 @@ def validate(
     names = ((name,) for name in prepared.validation.output_names)
     of_outputs = list(zip(names, autocorrelations, strict=True))
     return validation, ValidationTables(
-        correlation_table("autocorrelation", ("output",), of_outputs),
-        correlation_table("cross_correlation", ("output", "input"), crossed),
-        simulation_table(prepared.validation, responses, recorded),
-        horizon_table(validation, model.sampling_rate),
+        tables.correlation_table("autocorrelation", ("output",), of_outputs),
+        tables.correlation_table("cross_correlation", ("output", "input"), crossed),
+        tables.simulation_table(prepared.validation, responses, recorded),
+        tables.horizon_table(validation, model.sampling_rate),
     )
 
 
@@ -216,7 +201,7 @@ def _mean(errors: Sequence[float]) -> float:
 def _errors(measured: Array, computed: Array) -> list[float]:
     """Error of each output; NaN where a computed sample is not finite."""
     return [
-        error_percent(y, computed_one) if np.isfinite(computed_one).all() else math.nan
+        tables.error_percent(y, computed_one) if np.isfinite(computed_one).all() else math.nan
         for y, computed_one in zip(measured.T, computed.T, strict=True)
     ]
 
@@ -252,12 +237,12 @@ def _outputs(
             OutputValidation(
                 *(validation.output_names[k], validation.output_units[k]),
                 *(predicted[k], simulated[k], fitted[k]),
-                recorded_errors(prepared.transforms, recorded, k),
+                tables.recorded_errors(prepared.transforms, recorded, k),
                 tuple(ahead[:, k].tolist()),
                 whiteness[k],
                 correlation.share_inside,
-                outlier_percent(tested.residuals[:, k]),
-                peak_evidence(model, prepared.estimation.longest, k, spectrum),
+                tables.outlier_percent(tested.residuals[:, k]),
+                spectra.peak_evidence(model, prepared.estimation.longest, k, spectrum),
             )
             for k, correlation in enumerate(correlations)
         ),
@@ -314,16 +299,18 @@ def _inputs(
     model: Model, prepared: PreparedData, held_out: Sequence[HeldOut], of_all: HeldOutTest
 ) -> tuple[InputValidation, ...]:
     estimation, validation = prepared.estimation, prepared.validation
-    inputs, hidden = [], hidden_bands(estimation.inputs, estimation.sampling_rate)
+    inputs, hidden = [], spectra.hidden_bands(estimation.inputs, estimation.sampling_rate)
     for k in range(model.inputs):
-        needed = needed_excitation(model.orders)[k] if isinstance(model, PolynomialModel) else 0
+        needed = (
+            spectra.needed_excitation(model.orders)[k] if isinstance(model, PolynomialModel) else 0
+        )
         u = estimation.inputs[:, k]
         inputs.append(
             InputValidation(
                 estimation.input_names[k],
-                excitation_order(u, needed),
+                spectra.excitation_order(u, needed),
                 needed,
-                split_spectra(u, validation.inputs[:, k], estimation.sampling_rate),
+                spectra.split_spectra(u, validation.inputs[:, k], estimation.sampling_rate),
                 hidden[k],
                 input_significance(held_out, [k]) if model.inputs > 1 else of_all,
                 may_follow(u),

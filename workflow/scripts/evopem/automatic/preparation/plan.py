@@ -14,18 +14,13 @@ from evopem.automatic.cross_validation.stretches import (
 )
 from evopem.automatic.decision import Decision, given_by_configuration
 from evopem.automatic.fit import recording_of
+from evopem.automatic.preparation import wrong_samples
 from evopem.automatic.preparation.decimation import (
     MOST_DECIMATED,
     decide_decimation,
     decimated_stretch,
 )
 from evopem.automatic.preparation.disturbance import decide_high_pass, decide_objective, passed
-from evopem.automatic.preparation.wrong_samples import (
-    decide_clipping,
-    decide_starts,
-    decide_stuck,
-    standing_still,
-)
 from evopem.config.settings import GivenPreparation, Objective
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
@@ -150,12 +145,12 @@ def decide_preparation(
         kept = replace(about, choice=about.alternatives[0].name, sentence=sentence)
         return getattr(plan, field), kept
 
-    settle("start", "starts", lambda: decide_starts(records), given.start)
+    settle("start", "starts", lambda: wrong_samples.decide_starts(records), given.start)
     if given.start is not None:
         plan = replace(plan, starts=(given.start,) * len(records))
     if recording.outputs.shape[1] == 1:
-        settle("clipping", "clipped", lambda: usable("clipped", decide_clipping))
-        settle("stuck samples", "stuck", lambda: usable("stuck", decide_stuck))
+        settle("clipping", "clipped", lambda: usable("clipped", wrong_samples.decide_clipping))
+        settle("stuck samples", "stuck", lambda: usable("stuck", wrong_samples.decide_stuck))
     _check_stretches(recording, plan, names)
     settle("decimation", "factor", lambda: decide_decimation(first_prepared()), given.factor)
     if recording.has_input:
@@ -214,7 +209,7 @@ def _kept_ranges(segment: Segment, start: int, plan: PreparationPlan) -> list[tu
     good[good] &= ((y > low) & (y < high)).all(axis=1)
     good[:start] = False
     if plan.stuck:
-        good &= ~standing_still(segment.output)
+        good &= ~wrong_samples.standing_still(segment.output)
     least = SHORTEST_STRETCH * plan.factor
     return [(begin, end) for begin, end in runs_of(good) if end - begin >= least]
 

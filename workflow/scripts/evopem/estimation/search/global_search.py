@@ -13,14 +13,7 @@ import numpy as np
 from evopem.arrays import Array
 from evopem.config.settings import SearchSettings
 from evopem.estimation.pem.kernels.bfgs import Descent
-from evopem.estimation.search.certificate import (
-    AFTER_BATCHES,
-    AFTER_RESTART,
-    MANY_OPTIMA,
-    ONE_OPTIMUM,
-    Target,
-    enough_agree,
-)
+from evopem.estimation.search import certificate
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import (
@@ -88,12 +81,12 @@ class _Search(SearchProgress):
         agreeing = sum(same_optimum(minimum, best) for minimum in minima)
         # Sections that the record may support are those of polynomials.
         given = agreeing, len(minima), self.undiscovered, spent
-        enough = enough_agree(*given, isinstance(self.problem, PolynomialProblem))
+        enough = certificate.enough_agree(*given, isinstance(self.problem, PolynomialProblem))
         return enough or (self.one_optimum and same_optimum(self.value, best))
 
-    def is_unlikely(self, target: Target | None) -> bool:
+    def is_unlikely(self, target: certificate.Target | None) -> bool:
         """Whether further restarts hardly lead to what the search is made for."""
-        likely = AFTER_RESTART if self.restarts else AFTER_BATCHES
+        likely = certificate.AFTER_RESTART if self.restarts else certificate.AFTER_BATCHES
         lowest = min(self.value, self.known_minimum)
         return target is not None and target.is_unlikely(lowest, likely)
 
@@ -127,7 +120,7 @@ class _Search(SearchProgress):
         poles or at the edge."""
         problem = self.problem
         if not self.one_optimum:
-            many = self.undiscovered > MANY_OPTIMA and max_evaluations == np.inf
+            many = self.undiscovered > certificate.MANY_OPTIMA and max_evaluations == np.inf
             for _ in range(REFUTATIONS if many else 1):
                 self.search_neighbours(self.replacement, max_evaluations)
         if isinstance(problem, PolynomialProblem) and self.point is not None:
@@ -174,7 +167,9 @@ class _Search(SearchProgress):
         used += polished.evaluations
         for point, value in zip(polished.points, polished.values, strict=True):
             self.add("random points", point, float(value), used // len(lowest))
-        self.one_optimum = self.undiscovered <= ONE_OPTIMUM and count_distinct(self.optima) == 1
+        self.one_optimum = (
+            self.undiscovered <= certificate.ONE_OPTIMUM and count_distinct(self.optima) == 1
+        )
 
     def descend_from(self, kind: str, starts: Array, used: int) -> None:
         """Descend from points, the lowest of more than a batch; this is no independent restart."""
@@ -236,7 +231,7 @@ def global_search(
     generator: np.random.Generator,
     log: Log | None = None,
     known_minimum: float = np.inf,
-    target: Target | None = None,
+    target: certificate.Target | None = None,
 ) -> SearchResult:
     """Minimise the objective of an identification globally.  ``known_minimum``: A value that an
     earlier search reached.  Restarts that agree on a higher one do not end the search.  ``target``:

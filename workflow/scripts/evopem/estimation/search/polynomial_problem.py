@@ -13,6 +13,7 @@ import scipy  # whose parts load on first use
 from evopem.arrays import Array
 from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.estimation.search import root_sections
 from evopem.estimation.search.linear_estimates import (
     common_denominators,
     noise_model,
@@ -22,14 +23,6 @@ from evopem.estimation.search.linear_estimates import (
 )
 from evopem.estimation.search.memetic import discrete_recombination
 from evopem.estimation.search.problem import SAME_DESCENT, BasinHopping, BasinHoppingProblem
-from evopem.estimation.search.root_sections import (
-    at_radius,
-    descend_in_sections,
-    random_denominators,
-    recombined_polynomials,
-    with_exchanged_sections,
-    with_moved_section,
-)
 from evopem.estimation.search.staged_descent import (
     DESCENT_STAGES,
     LINEAR_STEPS,
@@ -118,13 +111,13 @@ class PolynomialProblem(BasinHoppingProblem):
 
     def descend_in_sections(self, points: Array) -> Descent:
         """Descents along the edge of the stability region; never worse than where they began."""
-        return descend_in_sections(self.errors, points, self._largest_value)
+        return root_sections.descend_in_sections(self.errors, points, self._largest_value)
 
     def from_edge(self, point: Array, value: float, generator: np.random.Generator) -> BasinHopping:
         """The lowest end of descents from an optimum, (n,), with a section of C at the edge, where
         the lowest may lie and descents from random points do not lead (Sargan & Bhargava 1983)."""
         part, radius = self._parts["c"], self.errors.noise_radius * (1.0 - INSIDE)
-        polynomials = np.array(list(at_radius(radius, point[part], generator)))
+        polynomials = np.array(list(root_sections.at_radius(radius, point[part], generator)))
         starts = np.repeat(point[None, :], len(polynomials), axis=0)
         starts[:, part] = polynomials
         starts, used = self.completed(starts)
@@ -147,7 +140,7 @@ class PolynomialProblem(BasinHoppingProblem):
         """Points with sections of A, D and F exchanged, and evaluations: random points may all lead
         to where poles of the noise stand in the plant."""
         parts = [part for name, part in self.errors.polynomials() if name != "c"]
-        starts = list(with_exchanged_sections(point, parts))
+        starts = list(root_sections.with_exchanged_sections(point, parts))
         return self.completed(np.array(starts)) if starts else (np.empty((0, len(point))), 0)
 
     def promised(self, points: Array, value: float) -> Array:
@@ -319,7 +312,7 @@ class PolynomialProblem(BasinHoppingProblem):
         nb, nf, nk = (orders or (0,) for orders in (o.nb, o.nf, o.nk))
         generator = np.random.default_rng([o.na, *nb, o.nc, o.nd, *nf, *nk])
         for (part, known), more in zip(grown, missing, strict=True):
-            drawn = random_denominators(PAIRS, max(more, 0), generator)
+            drawn = root_sections.random_denominators(PAIRS, max(more, 0), generator)
             for point, further in zip(points, drawn, strict=True):
                 if more > 0:
                     point[part] = np.convolve(known, np.append(1.0, further))[1:]
@@ -357,7 +350,7 @@ class PolynomialProblem(BasinHoppingProblem):
             elif name == "a" and a is not None:
                 points[:, part] = a
             else:
-                points[:, part] = random_denominators(count, order, generator)
+                points[:, part] = root_sections.random_denominators(count, order, generator)
         return self.completed(points)
 
     def recombine(
@@ -371,7 +364,9 @@ class PolynomialProblem(BasinHoppingProblem):
         pairs = generator.integers(len(parents), size=(2, count))
         offspring = np.zeros((count, parents.shape[1]))
         for _, part in self.errors.polynomials():
-            offspring[:, part] = recombined_polynomials(parents[:, part], pairs, generator)
+            offspring[:, part] = root_sections.recombined_polynomials(
+                parents[:, part], pairs, generator
+            )
         return self.completed(offspring)
 
     def neighbours(
@@ -387,7 +382,7 @@ class PolynomialProblem(BasinHoppingProblem):
             places += [(part, []), (part, [("c", c)])] if c.stop - c.start >= 2 else [(part, [])]
         moved = []
         for part, others in [*places, (c, [])]:
-            moved += with_moved_section(point, part, others, generator)
+            moved += root_sections.with_moved_section(point, part, others, generator)
         if not moved:
             return np.empty((0, len(point))), 0
         points, used = self.completed(np.array(moved))

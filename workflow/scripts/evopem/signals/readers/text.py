@@ -10,16 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
+from evopem.signals.readers import text_dialect
 from evopem.signals.readers.open_file import Channel, Contents, Reference, library
-from evopem.signals.readers.text_dialect import (
-    COMMENT_MARKS,
-    Table,
-    is_date,
-    iso_date,
-    read_table,
-    refuse_ambiguous_thousands,
-    refuse_split_decimals,
-)
 from evopem.signals.readers.text_heading import Heading, find_heading
 
 LONGEST_PREAMBLE = 50
@@ -42,11 +34,11 @@ def opened(
     The names that are asked for help to find the headings; a row above the numbers that may be a
     sample is refused unless ``header_lines`` counts it.
     """
-    table = read_table(path, decimal_mark)
+    table = text_dialect.read_table(path, decimal_mark)
     heading = find_heading(table, references, header_lines)
     _refuse_interruptions(table, heading, header_lines or 0)
     if not heading.names:
-        refuse_split_decimals(table, heading.start)
+        text_dialect.refuse_split_decimals(table, heading.start)
     blank = [""] * table.width
     names, units = [*(heading.names or blank)], [*(heading.units or blank)]
     # Every row may end with a separator.
@@ -56,7 +48,7 @@ def opened(
     def load(column: int) -> Channel:
         fields = _column(table, heading.start, columns, column)
         if decimal_mark is None:
-            refuse_ambiguous_thousands(table, fields, column)
+            text_dialect.refuse_ambiguous_thousands(table, fields, column)
         numbers = [number for number, _ in table.rows[heading.start :]]
         values = _values(table, fields, numbers, column)
         # R and pandas write the row numbers in front, without a heading.
@@ -70,7 +62,7 @@ def opened(
     yield Contents(path, "column", [(name,) for name in names[:columns]], load)
 
 
-def _refuse_interruptions(table: Table, heading: Heading, header_lines: int) -> None:
+def _refuse_interruptions(table: text_dialect.Table, heading: Heading, header_lines: int) -> None:
     """Refuse comments and blank lines in places where a sample may be missing."""
     rows = table.rows[heading.start :]
     first, last = rows[0][0], rows[-1][0]
@@ -101,12 +93,12 @@ def _refuse_interruptions(table: Table, heading: Heading, header_lines: int) -> 
         raise InputError(source, problem, remedy, f"line {between[0]}")
 
 
-def _may_be_sample(table: Table, line: str, below: bool) -> bool:
+def _may_be_sample(table: text_dialect.Table, line: str, below: bool) -> bool:
     """Whether a line that begins like a comment may be a sample with a damaged first field. A
     comment has a blank after its mark; below the headings it holds no number in as many fields as a
     row has. Without the blank, it is no number and has not as many fields as a row."""
     is_value = table.dialect.is_value
-    rest = line.lstrip("".join(COMMENT_MARKS))
+    rest = line.lstrip("".join(text_dialect.COMMENT_MARKS))
     fields, inner = table.dialect.split(line), table.dialect.split(rest.strip())
     if not rest or rest[0].isspace():
         rows = [row for row in (fields, inner) if len(row) == table.width]
@@ -116,7 +108,7 @@ def _may_be_sample(table: Table, line: str, below: bool) -> bool:
     return len(fields) == table.width and (below or any(map(is_value, fields[1:])))
 
 
-def _column(table: Table, start: int, width: int, column: int) -> list[str]:
+def _column(table: text_dialect.Table, start: int, width: int, column: int) -> list[str]:
     """The fields of one column; every row must have the same number of fields. Table libraries are
     not used here, because they fill or drop short rows without a message."""
     taken = []
@@ -132,10 +124,10 @@ def _column(table: Table, start: int, width: int, column: int) -> list[str]:
     return taken
 
 
-def _values(table: Table, fields: list[str], lines: list[int], column: int) -> NDArray:
+def _values(table: text_dialect.Table, fields: list[str], lines: list[int], column: int) -> NDArray:
     """The fields of one column as numbers, or as dates when the first one is a date."""
     dialect = table.dialect
-    dated = is_date(fields[0]) and not dialect.is_number(fields[0])
+    dated = text_dialect.is_date(fields[0]) and not dialect.is_number(fields[0])
     comma = dialect.decimal_mark == ","
     # Python takes an underscore between digits for part of a number.
     if not dated and not any("_" in text or (comma and "." in text) for text in fields):
@@ -149,7 +141,7 @@ def _values(table: Table, fields: list[str], lines: list[int], column: int) -> N
         shown = text.strip()
         problem, remedy = "", "repair or remove that sample"
         if dated:
-            if not is_date(text):
+            if not text_dialect.is_date(text):
                 problem = f'"{shown[:40]}" is no date like those above' if shown else "it is empty"
         elif shown.lower() not in _MISSING:
             if dialect.is_number(text):
@@ -174,7 +166,7 @@ def _values(table: Table, fields: list[str], lines: list[int], column: int) -> N
 
 def _dates(path: Path, fields: list[str], column: int) -> NDArray:
     pandas = library("pandas", path)
-    texts = list(map(iso_date, fields))
+    texts = list(map(text_dialect.iso_date, fields))
     try:
         stamps = pandas.to_datetime(texts, format="ISO8601", utc=True)
     except ValueError as error:

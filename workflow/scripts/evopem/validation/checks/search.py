@@ -4,13 +4,7 @@ from collections.abc import Mapping
 
 from evopem.config.structures import REGULARISED, varied_order
 from evopem.estimation.order_candidate import PhaseSelection
-from evopem.estimation.search.certificate import (
-    MANY_OPTIMA,
-    POLYNOMIALS,
-    STATE_SPACE,
-    has_agreed,
-    is_certified,
-)
+from evopem.estimation.search import certificate
 from evopem.validation.checks.check import Evidence, Found, OrderRange, check
 
 # The configuration key of the range of each phase, and the smallest value of what it varies.
@@ -90,13 +84,13 @@ def repeatability(evidence: Evidence) -> Found | None:
         return None
     diagnostics = evidence.model.search.diagnostics
     # How often searches of this kind were wrong.
-    measured = STATE_SPACE if evidence.model.orders is None else POLYNOMIALS
+    measured = certificate.STATE_SPACE if evidence.model.orders is None else certificate.POLYNOMIALS
     others, confirming = diagnostics.n_restarts - 1, diagnostics.n_confirming
     if others < 1:
         ended = f"The search ended after {'one restart' if others == 0 else 'descents'}"
         return None, f"{ended}: no independent restart could confirm its minimum."
     restarts = f"{others} other independent restart{'' if others == 1 else 's'}"
-    if is_certified(diagnostics, measured is POLYNOMIALS):
+    if certificate.is_certified(diagnostics, measured is certificate.POLYNOMIALS):
         return (
             True,
             f"Certified: {confirming} of {restarts} reached the same minimum. Of"
@@ -105,7 +99,7 @@ def repeatability(evidence: Evidence) -> Found | None:
             " 95 % confidence).",
         )
     others_found = ""
-    if diagnostics.n_multistart and diagnostics.undiscovered_probability > MANY_OPTIMA:
+    if diagnostics.n_multistart and diagnostics.undiscovered_probability > certificate.MANY_OPTIMA:
         others_found = (
             " There are many others: with probability"
             f" {diagnostics.undiscovered_probability:.2g} a further descent from a random point"
@@ -113,7 +107,7 @@ def repeatability(evidence: Evidence) -> Found | None:
         )
     repeated = confirming == others >= REPEATED
     few = "" if repeated else ", too few for a certificate"
-    if has_agreed(diagnostics, measured is POLYNOMIALS):
+    if certificate.has_agreed(diagnostics, measured is certificate.POLYNOMIALS):
         few = ", few where the record does not support all orders"
     return (
         repeated,
