@@ -33,8 +33,7 @@ NOISE_ZEROS = (
     *(0.85 + 0.30j, 0.85 - 0.30j, 0.20 + 0.70j, 0.20 - 0.70j),
     *(-0.55 + 0.60j, -0.55 - 0.60j, 0.30),
 )
-# Samples before a record, for the transients to decay.
-WARM_UP = 2000
+WARM_UP = 2000  # samples before a record, for the transients to decay
 
 # Natural frequencies (Hz) and damping ratios: the servo loop, and the arm's modes with the share
 # of each in the tip's acceleration.  The frequencies are those of the chapter's spectrum and
@@ -55,8 +54,7 @@ DRIFT_STEP = 0.03
 SENSOR_GAIN = 1e-4
 CHARACTERISTIC = 1.1
 WARM_UP_SECONDS = 60.0
-# Samples for which the dynamics of an arm that softens are held.
-STEADY = 20
+STEADY = 20  # samples for which the dynamics of an arm that softens are held
 
 
 @dataclass(frozen=True, eq=False)

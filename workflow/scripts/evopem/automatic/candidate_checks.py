@@ -46,8 +46,7 @@ SMALL = 3.0
 # Probability of feedback, or of residuals as coloured as these, by chance, from which a choice
 # depends on it: far rarer than that of a failed check.
 BY_CHANCE = 1e-3
-# Largest lag of the autocorrelations of residuals.
-LAGS = 1200
+LAGS = 1200  # largest lag of the autocorrelations of residuals
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,8 +39,7 @@ SUBJECT = "global search of the chosen model"
 SEARCHED, COMPARED = "searched model", "compared model"
 # Evaluations of the search of a polynomial model of several inputs, where none are given.
 POLYNOMIAL_EVALUATIONS = 10_000
-# A minimum that is lower by this share is another one.
-LOWER = 1e-6
+LOWER = 1e-6  # a minimum that is lower by this share is another one
 
 
 @dataclass(frozen=True, eq=False)

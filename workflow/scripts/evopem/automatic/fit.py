@@ -18,11 +18,7 @@ from evopem.estimation.pem.covariance import innovation_variance
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import Log
-from evopem.estimation.search.staged_descent import (
-    DescentStage,
-    descents_on_parts,
-    staged_descent,
-)
+from evopem.estimation.search.staged_descent import DescentStage, descents_on_parts, staged_descent
 from evopem.estimation.state_space.estimate import RISES, estimates_of_orders
 from evopem.estimation.state_space.local_estimates import (
     StateSpaceEstimate,
@@ -43,8 +39,7 @@ from evopem.signals.recording import Recording, Segment
 # at 0.9999.
 PLANT_RADIUS = 1.0 - 1e-7
 NOISE_RADIUS = 0.9999
-# Errors beyond this are all the same.
-HUGE = 1e100
+HUGE = 1e100  # errors beyond this are all the same
 # One stage is enough for the quadratic objective, whose corner needs no smoothing.  Scores of folds
 # need no more digits than the second one gives.
 SWEEP_STAGES = (DescentStage(0.1, 1e-7, 1e-7),)

@@ -314,8 +314,7 @@ def with_white_noise(scorer: Scorer, start: Candidate) -> Candidate | None:
     return scorer.candidate(o.structure, o, [_polynomials(start)], own_starts=False, again=True)
 
 
-# Alternatives of each input that are recorded.
-RECORDED = 5
+RECORDED = 5  # alternatives of each input that are recorded
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,7 @@ FEWER_ROOTS, MOST_POLES_ALONE, MOST_MOVED = (1, 2, 3, 4, 6, 8), 2, 2
 # Larger orders of the same structure that are tried in state space.
 LARGER_ORDERS = 2
 NOISE_ORDERS = (1, 2, 3, 4, 6, 8, 10, 12)
-# Revisions that are tried in all.
-MOST_TRIALS = 12
+MOST_TRIALS = 12  # revisions that are tried in all
 # A revision is taken only if the error for the purpose grows by no more than this share.
 TOLERATED = 0.02
 DELAY = "Delay"

@@ -25,8 +25,7 @@ from evopem.validation.model_class import ModelClass
 
 # Blocks of neighbouring samples, every fifth of which is held out at a time.
 BLOCKS, FOLDS = 40, 5
-# Standard errors by which the held-out errors must be smaller.
-CLEARLY = 2.0
+CLEARLY = 2.0  # standard errors by which the held-out errors must be smaller
 # Plant orders that are tried, above that of the constant model and at all.
 ORDERS_ABOVE, FEWEST_ORDERS, MOST_ORDERS = 2, 4, 12
 # Moments at which modes are followed, the share of them at which one must oscillate, and its

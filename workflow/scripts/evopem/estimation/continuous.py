@@ -32,10 +32,8 @@ from evopem.signals.recording import Recording
 EVALUATIONS, COARSE, FINE = 600, 15, 100
 # Share of a column that is not along those before it, below which a Gram matrix loses its digits.
 CLEAR = 1e-5
-# What a descent starts away from the limits.
-EDGE = 1e-6
-# Radius in z from which on a pole integrates or grows.
-STABLE = 1.0 - 1e-9
+EDGE = 1e-6  # what a descent starts away from the limits
+STABLE = 1.0 - 1e-9  # radius in z from which on a pole integrates or grows
 # Poles times the sampling interval below which the coefficients in z of all models are much alike.
 FAST_SAMPLING = 0.1
 

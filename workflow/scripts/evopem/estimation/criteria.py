@@ -26,8 +26,7 @@ LOST, FIRST_SAMPLES, ROUNDING = 0.05, 8192, 1e-10
 
 # Errors beyond this many standard deviations, from the median of the absolute ones, stand out.
 LIMIT, DEVIATIONS = 3.0, 1.4826
-# Steps of Fisher's scoring towards the logarithm of a variance.
-VARIANCE_STEPS = 30
+VARIANCE_STEPS = 30  # steps of Fisher's scoring towards the logarithm of a variance
 
 
 @dataclass(frozen=True)

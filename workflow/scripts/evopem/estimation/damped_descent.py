@@ -28,12 +28,10 @@ SWEEP_WIDTH, SEARCH_WIDTH, POLISH_WIDTH = 1e-2, 1e-4, 1e-6
 LAST_PASS = 1e-3
 # A width is left when a step promises less than this share of it, or twice in a row gains less.
 ABSOLUTE_TOLERANCE = 1e-3
-# Steps at one width.
-STEPS_AT_WIDTH = 60
+STEPS_AT_WIDTH = 60  # steps at one width
 # Mean absolute errors below this share of those of the output carry no information.
 ROUNDING = 1e-9
-# Passes of reweighted least squares towards linear coefficients.
-PASSES = 10
+PASSES = 10  # passes of reweighted least squares towards linear coefficients
 
 
 @dataclass(frozen=True, eq=False)

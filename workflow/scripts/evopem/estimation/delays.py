@@ -20,8 +20,7 @@ LONGEST_DELAY, SHORT_DELAY = 200, 10
 # A delay takes up to this share of the samples away from the comparison: of 120 recordings of 160
 # to 1,200 samples with delays to 60, 3 were wrong by more than 2 with a fifth, none with a third.
 LONGEST_SHARE = 3
-# Samples for each coefficient of an output.
-SAMPLES_PER_COEFFICIENT = 5
+SAMPLES_PER_COEFFICIENT = 5  # samples for each coefficient of an output
 # Difference of BIC, times the samples, that decides nothing: the smallest of such delays is taken.
 AS_WELL = 2.0
 # Probability of delays that are called likely together, and score up to which there is little
@@ -34,8 +33,7 @@ CLEAR, SLOW = 20.0, 0.1
 CERTAIN_DELAY = 2
 # Shares of a lag's size, and of the outputs' power, that are rounding.
 DEPENDENT, FLOOR = 1e-9, 1e-14
-# Rounds over the inputs; the choice hardly ever changes after the second one.
-ROUNDS = 5
+ROUNDS = 5  # rounds over the inputs; the choice hardly ever changes after the second one
 
 
 def longest_delay(segments: Sequence[Segment]) -> int:

@@ -36,8 +36,7 @@ SHORTEST, LONGEST, MOST_CORRELATED = 0.3, 10.0, 4.0
 FIRST_SCALES, FIRST_SHARES = (0.0, 4.0, 8.0), (0.02, 0.08, 0.3)
 # Relative change of twice the logarithm of the likelihood at which a search ends.
 CONVERGED = 1e-7
-# Value of hyper-parameters whose covariance rounding makes indefinite.
-SPOILT = 1e12
+SPOILT = 1e12  # value of hyper-parameters whose covariance rounding makes indefinite
 # Past outputs and lags of the input in a predictor of which a delay is judged.
 PAST, LAGS = 40, 100
 # Hyper-parameters are searched for delays so far apart.  Those between take over the likelier ones

@@ -19,8 +19,7 @@ from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_roots import max_root_radius
 
-# Powers of the residuals that the objectives sum.
-POWERS = {"quadratic": 2, "absolute": 1}
+POWERS = {"quadratic": 2, "absolute": 1}  # powers of the residuals that the objectives sum
 
 SearchOn = Callable[["Candidate", Target | None], "Candidate"]
 Settle = Callable[[Sequence["Candidate"]], list["Candidate"]]

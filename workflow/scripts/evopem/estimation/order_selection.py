@@ -34,8 +34,7 @@ from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
 
-# Evaluations of a repeated search, as a multiple of the first one's.
-REPEAT_FACTOR = 5
+REPEAT_FACTOR = 5  # evaluations of a repeated search, as a multiple of the first one's
 # BIC removes a coefficient whose squared t ratio is about below ln N; up to so many times is tried.
 SCREENING = 3.0
 

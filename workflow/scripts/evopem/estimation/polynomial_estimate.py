@@ -33,8 +33,7 @@ from evopem.signals.least_squares import triangle_of
 # Structures that claim nothing of the noise, or whose noise model may be chosen too small.
 WITHOUT_NOISE_MODEL = ("fir", "oe", "general")
 
-# Objective, percent, that rounding alone makes of records without errors.
-ROUNDING = 1e-8
+ROUNDING = 1e-8  # objective, percent, that rounding alone makes of records without errors
 # Relative excess over the search's objective, in its units, from which a model is taken for broken.
 # Rounding makes up to 3e-7 of it, with poles next to 1 and a mean of 100 standard deviations.
 LOST = 1e-5
@@ -231,10 +230,7 @@ def _plant_at_bound(errors: PolynomialErrors, model: PolynomialModel) -> bool:
 
 
 def covariance_of(
-    errors: PolynomialErrors,
-    point: Array,
-    residuals: Array,
-    triangle: Array | None = None,
+    errors: PolynomialErrors, point: Array, residuals: Array, triangle: Array | None = None
 ) -> ParameterCovariance | None:
     """Covariance of the coefficients, for residuals of any colour where nothing whitens them.
     ``triangle``: R of the Jacobian, where known."""

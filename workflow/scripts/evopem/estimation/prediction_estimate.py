@@ -39,12 +39,9 @@ from evopem.models.polynomial_roots import roots
 # Random starts of the descents under constraints and of k-step errors; where no search is asked
 # for, those of its first pass.
 RANDOM_STARTS = 36
-# Estimates of a record with several inputs that a search begins with.
-ESTIMATES = 8
-# Random draws from which starts that meet fixed coefficients are taken.
-DRAWS = 512
-# Relative distance within which a point counts as one that meets the constraints.
-MEETS = 1e-9
+ESTIMATES = 8  # estimates of a record with several inputs that a search begins with
+DRAWS = 512  # random draws from which starts that meet fixed coefficients are taken
+MEETS = 1e-9  # relative distance within which a point counts as one that meets the constraints
 
 
 @dataclass(frozen=True)

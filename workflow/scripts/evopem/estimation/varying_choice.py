@@ -14,12 +14,9 @@ from evopem.models.orders import Orders
 from evopem.models.varying import KINDS, Basis, BasisKind, VaryingModel, all_free, rows_of
 
 DIMENSIONS = (2, 3, 4, 5, 6, 8, 10)
-# Samples for each weight below which there is no such model.
-FEWEST_PER_WEIGHT = 8
-# Models of a race that compete again without the samples that judge the choice.
-FINALISTS = 3
-# Orders in a row above the best one that end the ladder of a structure.
-PATIENCE = 2
+FEWEST_PER_WEIGHT = 8  # samples for each weight below which there is no such model
+FINALISTS = 3  # models of a race that compete again without the samples that judge the choice
+PATIENCE = 2  # orders in a row above the best one that end the ladder of a structure
 # Samples above which autoregressions alone are tried: the searches would take minutes.
 MOST_SEARCHED = 20_000
 

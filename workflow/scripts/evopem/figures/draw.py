@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 
 DASHED = (0, (4, 2))
 DOTTED = (0, (1.2, 1.6))
-# Half the side of the frame around the unit circle.
-FRAME = 1.3
+FRAME = 1.3  # half the side of the frame around the unit circle
 # Points of all curves of a figure, about; extremes are kept.
 POINTS = 6_000
 FEWEST_BINS, MOST_BINS = 30, 1000
@@ -288,8 +287,7 @@ def unwrapped_gaps(x: np.ndarray, degrees: np.ndarray) -> tuple[np.ndarray, np.n
 SHAPE_WIDTH, SHAPE_HEIGHT, MARGIN = 300.0, 220.0, 16.0
 FRAMES = 16
 SECONDS = 2.0
-# Largest displacement, as a share of the size of the structure.
-AMPLITUDE = 0.15
+AMPLITUDE = 0.15  # largest displacement, as a share of the size of the structure
 
 
 class ShapeDrawing:

@@ -37,8 +37,7 @@ LEVELS: dict[str, Role] = {"noise": "truth", "distortion": "error"}
 CURVE_POINTS, MOST_POINTS = 1200, 4800
 # Length of the transforms of the residuals: coarse, since white noise has no lines.
 RESIDUAL_NFFT = 1024
-# Number of peaks that are labelled, the most prominent ones.
-MOST_LABELS = 8
+MOST_LABELS = 8  # number of peaks that are labelled, the most prominent ones
 # A response at 0 Hz that exceeds all others by this factor is that of an integrator.
 UNBOUNDED = 1e6
 # Points of a Nyquist diagram; neighbours of the estimate from the data are almost the same.

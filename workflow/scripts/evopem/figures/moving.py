@@ -18,8 +18,7 @@ from evopem.synthesis import Truth
 
 # Moments and frequencies of the picture, and decibels below the highest value that it tells apart.
 MOMENTS, FREQUENCIES, RANGE = 120, 160, 60.0
-# Time-halfbandwidth product and tapers of the spectrogram.
-HALFBANDWIDTH, TAPERS = 2.5, 4
+HALFBANDWIDTH, TAPERS = 2.5, 4  # time-halfbandwidth product and tapers of the spectrogram
 
 
 def moving_modes(varying: Varying, truth: Truth | None = None) -> Chart:

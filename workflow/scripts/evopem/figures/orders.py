@@ -28,8 +28,7 @@ STATUSES: tuple[tuple[str, str, Role, str], ...] = (
     ("frequency", "stable in frequency", "fourth", "openD"),
     ("stable", "stable in frequency and damping", "model", "o"),
 )
-# Smallest height of the plot of a search, as a share of the objective.
-SMALLEST_SPAN = 0.01
+SMALLEST_SPAN = 0.01  # smallest height of the plot of a search, as a share of the objective
 
 
 def tied_text(structure: str) -> str:

@@ -108,10 +108,8 @@ def write_parquet(path: str | Path, table: pd.DataFrame) -> None:
         parquet.write_table(arrow.Table.from_pandas(table, preserve_index=False), temporary)
 
 
-# The earliest time that the format has.
-_NO_TIME = (1980, 1, 1, 0, 0, 0)
-# The highest level takes ten times as long for a tenth less.
-_LEVEL = 1
+_NO_TIME = (1980, 1, 1, 0, 0, 0)  # the earliest time that the format has
+_LEVEL = 1  # the highest level takes ten times as long for a tenth less
 
 
 def pack(archive: str | Path, files: Iterable[str | Path], folder: str | Path) -> None:

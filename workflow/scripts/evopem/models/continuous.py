@@ -12,16 +12,12 @@ from evopem.config.settings import Hold
 from evopem.errors import InputError
 from evopem.models.parameter_covariance import ParameterCovariance
 
-# Angle of the first point of interpolation, so that none is a pole on an axis.
-TURN = 0.37
-# Entries of A below this share of the largest one tie no states to each other.
-TIED = 1e-12
+TURN = 0.37  # angle of the first point of interpolation, so that none is a pole on an axis
+TIED = 1e-12  # entries of A below this share of the largest one tie no states to each other
 # Share of the largest coefficient, at the typical frequency of the poles, that is rounding.
 ROUNDING = 1e-11
-# Poles in z so close to zero hold an input for a sample.
-AT_ZERO = 1e-6
-# Level of the test of a relative degree.
-LEVEL = 0.05
+AT_ZERO = 1e-6  # poles in z so close to zero hold an input for a sample
+LEVEL = 0.05  # level of the test of a relative degree
 
 
 class Quantity(NamedTuple):

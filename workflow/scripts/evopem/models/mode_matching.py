@@ -37,8 +37,7 @@ FREQUENCY_TOLERANCE = 0.01
 DAMPING_TOLERANCE = 0.10
 # Stable poles whose frequencies differ by less than this share belong to one mode.
 SAME_POLES = 0.02
-# A mode persists when its pole appears at this many successive orders.
-PERSISTENT_ORDERS = 3
+PERSISTENT_ORDERS = 3  # a mode persists when its pole appears at this many successive orders
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +46,7 @@ class OrderModel:
 
     order: int  # that was searched: with a noise model beside the plant there are more states
     bic: float
-    # Without its covariance: large, and behind the errors of the modes.
-    model: Model
+    model: Model  # without its covariance: large, and behind the errors of the modes
     modes: tuple[Mode, ...]
 
     @classmethod

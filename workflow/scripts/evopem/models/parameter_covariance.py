@@ -19,8 +19,7 @@ NORMAL_95 = 1.959963984540054
 # to no less than this share of their sum of magnitudes.  Directions of singular values below 1e-10
 # are taken for unidentifiable; rounding, 2e-16, turns each by 2e-6 towards any of tens of others.
 CANCELLATION = 1e-4
-# Steps in the imaginary direction have no cancellation.
-COMPLEX_STEP = 1e-30
+COMPLEX_STEP = 1e-30  # steps in the imaginary direction have no cancellation
 
 
 def jacobian_of(function: Callable[[NDArray], Sequence[NDArray]], point: Array) -> Array:

@@ -25,8 +25,7 @@ from evopem.models.polynomial_roots import on_circle, powers_of_z, roots
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording
 
-# Samples from which on a prediction is computed by Fourier transforms.
-LONG_HORIZON = 64
+LONG_HORIZON = 64  # samples from which on a prediction is computed by Fourier transforms
 
 
 @dataclass(frozen=True, eq=False, init=False)

@@ -28,8 +28,7 @@ AT_PEAK, NARROW, OF_DECADE = np.linspace(-4.0, 4.0, 17), 8.0, 20
 SETTLED = 1e-3
 FEWEST_SAMPLES, MOST_SAMPLES = 50, 1000
 UNKNOWN = np.full((1, 1, 1), np.nan)
-# Derivatives of responses that are computed at a time.
-BLOCK = 2_000_000
+BLOCK = 2_000_000  # derivatives of responses that are computed at a time
 
 
 def shaped_modes_table(

@@ -18,8 +18,7 @@ from evopem.signals.timestamps import RATE_TOLERANCE, timing
 DATA = "data"
 """What an error calls the first argument of :func:`evopem.identify`."""
 
-# Names that numpy's own arguments have.
-_NOT_A_NAME = ("", "file", "allow_pickle")
+_NOT_A_NAME = ("", "file", "allow_pickle")  # names that numpy's own arguments have
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,12 +9,7 @@ from evopem.arrays import one_blas_thread
 from evopem.automatic.candidates import OrderLimits, Scorer, StructureSearch
 from evopem.automatic.cross_validation.folds import FoldPlan
 from evopem.automatic.fit import CommonSettings
-from evopem.automatic.orders import (
-    DelayChoice,
-    order_models,
-    search_structure,
-    without_covariances,
-)
+from evopem.automatic.orders import DelayChoice, order_models, search_structure, without_covariances
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.automatic.structures import compare_structures
 from evopem.config.settings import AutomaticSettings

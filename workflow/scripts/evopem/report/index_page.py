@@ -28,8 +28,7 @@ WIDTH, HEIGHT, EDGE = 640, 90, 4
 # Lowest damage index that is drawn; names that a sentence lists.
 LOWEST, LISTED = 0.1, 20
 NOT_COMPARED = Following()
-# With fewer recordings the chart of a followed mode says no more than the table.
-FEWEST = 3
+FEWEST = 3  # with fewer recordings the chart of a followed mode says no more than the table
 
 
 def build_index(

@@ -11,10 +11,8 @@ from evopem.models.modes import Mode
 from evopem.results.fleet import mode_values
 from evopem.validation.checks.check import whole
 
-# Narrow no-break space, between a number and its unit.
-THIN = "\u202f"
-# No-break space, inside a number.
-FIRM = "\u00a0"
+THIN = "\u202f"  # narrow no-break space, between a number and its unit
+FIRM = "\u00a0"  # no-break space, inside a number
 MISSING = "–"
 NOT_KNOWN = "not known"
 # Where an error is larger than this and its value, the data do not determine the value.

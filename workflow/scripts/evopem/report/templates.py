@@ -31,8 +31,7 @@ Context = dict[str, Any]
 """What a template is given, by name."""
 
 
-# The search counts as near its final objective from this ratio on.
-NEAR = 1.001
+NEAR = 1.001  # the search counts as near its final objective from this ratio on
 
 
 def difference_gain(transforms: Transforms, frequency: float) -> float:

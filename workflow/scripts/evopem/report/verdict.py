@@ -45,8 +45,7 @@ GOOD_SIMULATION = 30.0
 USABLE_SIMULATION = 60.0
 # The error of the mean of the output: a model that is no better is of no use.
 ERROR_OF_MEAN = 100.0
-# Half width of a 95 % band of the gain, %, from which on it is a rough one.
-WIDE_BAND = 25.0
+WIDE_BAND = 25.0  # half width of a 95 % band of the gain, %, from which on it is a rough one
 # Error of a good response, %, which 95 % of responses like it stay below.
 GOOD_RESPONSE = 30.0
 BELOW_MEAN = math.nextafter(ERROR_OF_MEAN, 0.0)

@@ -45,8 +45,7 @@ class Dependence:
     lowest: float  # level
     highest: float
     frequency_hz: float  # mean over the recordings
-    # Of the frequency, from the lowest level to the highest
-    change_hz: float
+    change_hz: float  # of the frequency, from the lowest level to the highest
     standard_error_hz: float
     p_value: float
 

@@ -33,17 +33,14 @@ from evopem.validation.level_changes import (
 if TYPE_CHECKING:
     import pandas as pd
 
-# Probability of any warning in a whole run where nothing changes.
-FALSE_ALARMS = 0.05
+FALSE_ALARMS = 0.05  # probability of any warning in a whole run where nothing changes
 # A mode is the same one within this share of its frequency, or within three standard errors; and
 # with at least this modal assurance criterion, where shapes have several entries.
 SAME_FREQUENCY = 0.08
 STANDARD_ERRORS = 3.0
 SAME_SHAPE = 0.5
-# Latest recordings whose median is what a mode of the next one is compared with.
-RECENT = 5
-# Smallest share of a structure's recordings in which a followed mode is found.
-FOUND_IN = 0.2
+RECENT = 5  # latest recordings whose median is what a mode of the next one is compared with
+FOUND_IN = 0.2  # smallest share of a structure's recordings in which a followed mode is found
 # Level at which steps are sought that may describe a change better which is known to be there.
 LENIENT = 0.5
 # Columns of the frequency at mean conditions, and of its level, trend or oscillation.

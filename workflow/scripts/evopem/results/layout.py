@@ -109,15 +109,12 @@ class DatasetFiles:
     config = _File("config.yaml")  # the complete configuration of the data set
     recording = _File("recording.npz")  # samples of the recording
     recording_info = _File("recording.json")  # origin and properties of the recording
-    # Samples of the independent recording for validation
-    validation_recording = _File("validation_recording.npz")
-    # Origin and properties of the independent recording for validation
-    validation_recording_info = _File("validation_recording.json")
+    validation_recording = _File("validation_recording.npz")  # the independent one
+    validation_recording_info = _File("validation_recording.json")  # its origin and properties
     truth = _File("truth.json")  # the system behind a synthetic recording
     prepared = _File("prepared.npz")  # estimation and validation samples after all transforms
     transforms = _File("transforms.json")  # the transforms, with what undoes them
-    # Multitaper spectrum and empirical frequency response, by frequency
-    spectrum = _File("spectrum.csv")
+    spectrum = _File("spectrum.csv")  # multitaper, and the empirical frequency response
     spectrum_summary = _File("spectrum.json")  # settings and peaks of the spectrum
 
     def part(self, phase: str, part: int | str) -> str:
@@ -142,8 +139,7 @@ class DatasetFiles:
         """The models of all orders of one form with its weighting, of several channels."""
         return self.decision(f"orders/{form}")
 
-    # All decisions of the automatic recipe, and its trials of revisions
-    decisions = _File("decisions.json")
+    decisions = _File("decisions.json")  # all of the automatic recipe, and trials of revisions
     candidates = _File("candidates.csv")  # every candidate of every phase
     model = _File("model.json")  # the model, for evopem and people
 
@@ -153,15 +149,12 @@ class DatasetFiles:
 
     model_mat = _File("model.mat")  # the model, for MATLAB
     modes = _File("modes.csv")  # natural frequencies and damping ratios of plant and noise filter
-    # Frequency responses of plant and noise filter with 95 % intervals
-    frequency_response = _File("frequency_response.csv")
+    frequency_response = _File("frequency_response.csv")  # of plant and noise, with 95 % bands
     time_response = _File("time_response.csv")  # impulse and step responses with 95 % intervals
     horizons = _File("horizons.csv")  # errors of k-step predictions of the validation samples, by k
     validation = _File("validation.json")  # errors and residual tests
-    # Autocorrelation of the residuals, by lag
-    residual_autocorrelation = _File("residual_autocorrelation.csv")
-    # Cross-correlation of residuals and input, by lag
-    cross_correlation = _File("cross_correlation.csv")
+    residual_autocorrelation = _File("residual_autocorrelation.csv")  # by lag
+    cross_correlation = _File("cross_correlation.csv")  # of residuals and inputs, by lag
     simulation = _File("simulation.csv")  # validation samples, predicted and simulated
     varying = _File("varying.json")  # the model whose coefficients move, or why there is none
     varying_modes = _File("varying_modes.csv")  # its frozen modes over time with 95 % intervals
@@ -178,8 +171,7 @@ class DatasetFiles:
         """All figures of the report, in its order."""
         return [self.figure(figure) for figure in FIGURES]
 
-    # All other results of a recording that was identified in a batch
-    details = _File("details.zip")
+    details = _File("details.zip")  # all other results of a recording of a batch
 
     def read_again(self) -> list[str]:
         """What an attribute names, but for the report, which a notebook may write there too."""

@@ -12,8 +12,7 @@ from evopem.arrays import Array, Complex, Flags
 from evopem.signals.faulty_samples import runs_of
 from evopem.signals.spectra import overlapping_correlation, repetition_lag
 
-# Periods of an input are alike up to this share of their standard deviation.
-UNLIKE = 0.1
+UNLIKE = 0.1  # periods of an input are alike up to this share of their standard deviation
 # Noise is as unlike after two periods as after one; what is not belongs to a period between two
 # numbers of samples, unless it is this share of what is allowed.
 SHIFTED = 0.1
@@ -24,8 +23,7 @@ OFTEN, MOST_PEAKS = 0.3, 20
 DROP = 0.1
 # Ratio of the variances between periods of one realisation, and rounding as a share of the power.
 AS_ALIKE, ROUNDING = 4.0, 1e-9
-# Circular correlation from which on two periods are of one realisation.
-SAME = 0.9
+SAME = 0.9  # circular correlation from which on two periods are of one realisation
 
 
 def period_of(inputs: Array) -> int:

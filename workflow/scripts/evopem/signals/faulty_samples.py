@@ -120,8 +120,7 @@ WEIGHTINGS, BISQUARE, NORMAL_MAD = 5, 4.685, 1.4826
 # Level at which the residuals around a replaced sample are those of all others, the largest share
 # of the power of changes where they are not, and the largest share of samples that are replaced.
 UNEXPLAINED_LEVEL, MOST_UNEXPLAINED, MOST_REPLACED = 1e-3, 0.25, 0.05
-# Samples that one model is estimated from.
-LONGEST_PIECE = 50_000
+LONGEST_PIECE = 50_000  # samples that one model is estimated from
 
 
 class Cleaned(NamedTuple):

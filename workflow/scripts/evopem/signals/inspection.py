@@ -23,10 +23,8 @@ MOST_INCREASE = 0.95
 
 # Largest order of the regressions, and samples for each of their orders at least.
 MOST_LAGS, SAMPLES_PER_LAG = 30, 20
-# First samples of a long recording that are enough.
-MOST_SAMPLES = 10_000
-# Level of both tests.
-SIGNIFICANCE = 0.001
+MOST_SAMPLES = 10_000  # first samples of a long recording that are enough
+SIGNIFICANCE = 0.001  # level of both tests
 
 
 @dataclass(frozen=True)

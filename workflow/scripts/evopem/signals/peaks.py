@@ -9,12 +9,10 @@ from evopem.arrays import Array
 from evopem.signals.spectra import CONFIDENCE, Spectrum
 from evopem.signals.spectrum_summary import SpectralPeak, SpectrumSummary
 
-# Evenly spaced peaks from this number on are lines of a periodic input.
-MIN_LINES = 10
+MIN_LINES = 10  # evenly spaced peaks from this number on are lines of a periodic input
 # Resolution cells over which the density is averaged before peaks are looked for.
 PEAK_WIDTHS = (1, 4, 16)
-# Largest share of the frequency axis that an average extends over.
-MAX_AVERAGED_SHARE = 0.2
+MAX_AVERAGED_SHARE = 0.2  # largest share of the frequency axis that an average extends over
 
 
 def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:

@@ -182,8 +182,7 @@ def anti_alias_filter(ratio: Fraction) -> Array:
 # Lags of inputs and output in the regression, and the samples that a coefficient needs at least.
 MOST_LAGS = 30
 SAMPLES_PER_COEFFICIENT = 10
-# Rows of the regression that are held in memory at a time.
-ROWS = 4096
+ROWS = 4096  # rows of the regression that are held in memory at a time
 # Quantile of the normal distribution that an estimate must exceed, two-sided 1 %.
 NORMAL_99 = 2.576
 # Diagonal elements of the triangle below this share of their column's length are rounding.

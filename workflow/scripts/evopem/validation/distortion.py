@@ -40,8 +40,7 @@ from evopem.validation.responses import HeldOut
 
 # A first period differs by a transient where its variance is so many times that of later ones.
 TRANSIENT = 2.0
-# Distortion counts as shown at this level of significance.
-SIGNIFICANCE = 0.01
+SIGNIFICANCE = 0.01  # distortion counts as shown at this level of significance
 
 
 @dataclass(frozen=True)
@@ -217,10 +216,8 @@ def _of_one_kind(whole: Sequence[_Realisation], period: int) -> list[_Realisatio
 
 # Lags of all inputs at most, samples for each of them, and fewest of an input; samples at most.
 MOST_LAGS, SAMPLES_PER_LAG, FEWEST_LAGS, MOST_SAMPLES = 300, 20, 5, 20_000
-# Share of the energy of the plant's responses that later lags may have.
-BEYOND = 0.01
-# Share of the error from which on a floor is reached.
-REACHED = 0.9
+BEYOND = 0.01  # share of the energy of the plant's responses that later lags may have
+REACHED = 0.9  # share of the error from which on a floor is reached
 
 
 @dataclass(frozen=True)

@@ -26,10 +26,8 @@ FEWEST_LINES = 6
 # Share of equal distances from which on excited lines are a regular grid: distortion then falls on
 # excited lines and hardly on those between.
 REGULAR = 0.9
-# Lines at which levels are stated.
-MOST_LEVELS = 100
-# Rounding, as a share of the variance of the output.
-ROUNDING = 1e-20
+MOST_LEVELS = 100  # lines at which levels are stated
+ROUNDING = 1e-20  # rounding, as a share of the variance of the output
 # Degrees of freedom of an estimated power from which on its interval is that of chi-square.
 FEWEST_FREEDOM = 10.0
 

@@ -16,14 +16,11 @@ from evopem.arrays import Array
 
 Covariates = Sequence[Array]
 
-# Fewest estimates from which a level is tested.
-FEWEST = 4
-# Estimates on either side of a step.
-BESIDE = 2
+FEWEST = 4  # fewest estimates from which a level is tested
+BESIDE = 2  # estimates on either side of a step
 # Estimates beyond the coefficients that a regressor needs, and shortest period in estimates.
 FEWEST_BEYOND, SHORTEST_PERIOD = 2, 3.0
-# Newton steps to the scatter.
-ITERATIONS = 10
+ITERATIONS = 10  # Newton steps to the scatter
 
 
 @dataclass(frozen=True)

@@ -127,8 +127,7 @@ class ModeTable:
     orders: tuple[int, ...]
     modes: tuple[ModeEvidence, ...]
     poles: tuple[PoleOfOrder, ...]
-    # Modal assurance criterion of each pair of shapes
-    assurance: tuple[tuple[float, ...], ...]
+    assurance: tuple[tuple[float, ...], ...]  # modal assurance criterion of each pair of shapes
 
     @property
     def trusted(self) -> tuple[Mode, ...]:

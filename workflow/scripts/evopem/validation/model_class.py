@@ -32,8 +32,7 @@ from evopem.validation.responses import HeldOut, unscored_samples
 # that comes back does so in the longest stretch.
 DEGREE = 3
 PERIODS = np.array([1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0])
-# Lags of the response, and of its powers.
-LAGS = 4
+LAGS = 4  # lags of the response, and of its powers
 # Lags of all inputs, or without any of all outputs, together that a linear model may have lost, and
 # samples for each of them.  Of a sweep, whose frequencies come one after the other, or of light
 # modes that come and go, what is lost would look like a change.
@@ -41,12 +40,9 @@ LOST, FEWEST_PER_LAG = 30, 20
 # Share of the variance of whitened residuals below which a dependence matters to no use of a model.
 SMALL_SHARE = 0.01
 SLOW = 0.01, 0.05  # memory of means that a gain may follow, in shares of a stretch
-# Moments at which a change is sought.
-MOMENTS = 39
-# Later samples of an input that residuals may act on.
-LATER = 20
-# Samples for each regressor below which there is no test.
-FEWEST_PER_REGRESSOR = 10
+MOMENTS = 39  # moments at which a change is sought
+LATER = 20  # later samples of an input that residuals may act on
+FEWEST_PER_REGRESSOR = 10  # samples for each regressor below which there is no test
 
 
 @dataclass(frozen=True)

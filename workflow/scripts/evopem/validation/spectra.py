@@ -141,10 +141,8 @@ def _bands(frequencies: Array, inside: Flags, power: Array) -> tuple[tuple[float
     )
 
 
-# Share of records in which a peak of a right model exceeds its `chance`.
-CHANCE_LEVEL = 0.01
-# Frequencies within ±W at which the noise model's density is averaged.
-NOISE_GRID = 33
+CHANCE_LEVEL = 0.01  # share of records in which a peak of a right model exceeds its `chance`
+NOISE_GRID = 33  # frequencies within ±W at which the noise model's density is averaged
 
 
 @dataclass(frozen=True)

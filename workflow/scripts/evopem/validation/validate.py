@@ -58,8 +58,7 @@ from evopem.validation.validation import (
     ValidationTables,
 )
 
-# Largest lag of the autocorrelation of residuals.
-LAGS = 1200
+LAGS = 1200  # largest lag of the autocorrelation of residuals
 # Horizons of a decade, and the longest one.
 DECADE = (1, 2, 3, 5, 7)
 LONGEST = 1000

@@ -22,8 +22,7 @@ from evopem.models.orders import Orders
 from evopem.signals.recording import Segment
 from evopem.signals.transforms import box_cox, invert_box_cox, likeliest_box_cox, positive_shift
 
-# What a transform must gain over all folds, and in none it may lose.
-LEAST_GAIN = 0.05
+LEAST_GAIN = 0.05  # what a transform must gain over all folds, and in none it may lose
 # Level of the test that the spread of the residuals depends on the level.
 SPREAD_LEVEL, SPREAD_ORDER = 0.001, 4
 # Lags of the ARX model with which a drift is estimated, and the sum of its output coefficients that

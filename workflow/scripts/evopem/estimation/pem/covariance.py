@@ -21,8 +21,7 @@ RANK_TOLERANCE = 1e-10
 COMPONENT_TOLERANCE = 1e-8
 # Residuals smaller than this share of the output are rounding errors, without a noise model.
 RESIDUAL_ROUNDING = 1e-12
-# Largest order of the autoregression that describes coloured residuals.
-MOST_COLOURING = 50
+MOST_COLOURING = 50  # largest order of the autoregression that describes coloured residuals
 
 
 def estimate_covariance(

@@ -10,12 +10,10 @@ from evopem.arrays import Array, Complex
 
 Band = tuple[float, float]
 
-# Largest radius where the stability of the plant is not required.
-UNBOUNDED_RADIUS = 100.0
+UNBOUNDED_RADIUS = 100.0  # largest radius where the stability of the plant is not required
 # A share this close to 0 or 1 lies at the edge, and two edges this close, relatively, coincide.
 AT_EDGE = 1e-6
-# Least length under a root: its derivative stays finite at the tip of a band.
-LEAST = 1e-9
+LEAST = 1e-9  # least length under a root: its derivative stays finite at the tip of a band
 
 
 @dataclass(frozen=True)

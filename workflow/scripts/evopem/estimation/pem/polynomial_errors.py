@@ -22,8 +22,7 @@ from evopem.models.polynomial_roots import reflect_into_disc
 from evopem.signals.least_squares import triangle_of
 from evopem.signals.recording import Segment
 
-# Roots are moved this share of the radius inside it.
-MARGIN = 1e-6
+MARGIN = 1e-6  # roots are moved this share of the radius inside it
 # Relative singular values from which on directions of states count, and steps towards them.
 RANKS, STATE_STEPS = (1e-13, 1e-10, 1e-6), 2
 

@@ -86,8 +86,7 @@ def is_certified(diagnostics: SearchDiagnostics, polynomial: bool = True) -> boo
 # its descents found few optima, and where they found many; after the batches of random points;
 # after a section replacement, or a restart with basin hopping.
 AFTER_FEW_OPTIMA, AFTER_FIRST_PASS, AFTER_BATCHES, AFTER_RESTART = 0.1, 1.85, 1.3, 0.6
-# Undiscovered probability of 8 descents that ended at 3 optima.
-FEW_OPTIMA = 0.22
+FEW_OPTIMA = 0.22  # undiscovered probability of 8 descents that ended at 3 optima
 
 
 class Target(NamedTuple):

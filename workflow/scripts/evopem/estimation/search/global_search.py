@@ -30,8 +30,7 @@ from evopem.estimation.search.problem import (
 )
 from evopem.estimation.search.section_replacement import SectionReplacement, supports_sections
 
-# Independent batches of random points, and the points of each.
-BATCHES, BATCH = 2, 16
+BATCHES, BATCH = 2, 16  # independent batches of random points, and the points of each
 # Undiscovered probability after a batch from which on another one hardly leads to a certificate,
 # and neighbouring optima, or section replacement, have lower values.
 HOPELESS = 0.4

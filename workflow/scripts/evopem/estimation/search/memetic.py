@@ -18,8 +18,7 @@ from evopem.estimation.search.problem import (
     undiscovered,
 )
 
-# Random points of the first batch; each further batch doubles their number.
-FIRST_BATCH = 32
+FIRST_BATCH = 32  # random points of the first batch; each further batch doubles their number
 # Undiscovered probability at which the check ends, and the one at which it gives up: there are too
 # many local optima to find them all.
 SUFFICIENT_PROBABILITY, HOPELESS_PROBABILITY = 0.003, 0.2

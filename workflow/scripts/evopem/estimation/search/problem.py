@@ -17,8 +17,7 @@ SAME_OPTIMUM = 1e-6
 # Relative difference below which the values of descents that were not refined to the last digits,
 # or of the individuals of a converged population, count as the same.
 SAME_DESCENT = 1e-5
-# The same for the coarse descents of a first pass.
-SAME_COARSE_DESCENT = 1e-4
+SAME_COARSE_DESCENT = 1e-4  # the same for the coarse descents of a first pass
 
 Log = Callable[[str], None]
 """What receives a line about the progress of a search."""

@@ -174,8 +174,7 @@ def random_denominators(count: int, order: int, generator: np.random.Generator) 
     return np.ascontiguousarray(monic[:, 1:].real)
 
 
-# How far inside the side of the box a descent begins: on it the slope is zero.
-INSIDE = 1e-6
+INSIDE = 1e-6  # how far inside the side of the box a descent begins: on it the slope is zero
 # By how much roots on the edge are drawn in, relative, until coefficients hold them within: a
 # root of multiplicity m moves by the m-th root of the rounding.
 DRAWN_IN = (1e-8, 1e-7, 1e-6, 1e-5)

@@ -16,12 +16,10 @@ from evopem.estimation.pem.stretch_errors import StretchErrors
 # Distances of a pair of roots from the unit circle, each twice the last, and how far apart places
 # lie in these distances: a resonance is as wide as it is distant.
 NEAREST, FARTHEST, SPACING = 0.005, 0.45, 2.0
-# Distances of real roots, taken in pairs.
-OF_REAL_ROOTS = (0.01, 0.04, 0.12, 0.3, 0.6)
+OF_REAL_ROOTS = (0.01, 0.04, 0.12, 0.3, 0.6)  # distances of real roots, taken in pairs
 # Frequencies that spectra are summed to: half as far apart as the nearest places are wide.
 BINS = 1257
-# Added to the unit diagonal of the products of the signals of one place.
-DAMPING = 1e-3
+DAMPING = 1e-3  # added to the unit diagonal of the products of the signals of one place
 # Mean second derivative of the absolute value of Gaussian residuals is this over their mean.
 CURVATURE_OF_ABSOLUTE = 2.0 / np.pi
 

@@ -27,10 +27,8 @@ DRAWN = 0.15
 # The best of these, and further random ones, that are judged by a step; those of each optimum that
 # may be descended from, and those of all optima together.
 JUDGED, FURTHER, OF_EACH, DESCENDED = 16, 12, 6, 16
-# What the spectra of an optimum cost, in evaluations.
-SPECTRA = 100
-# Replacements without a gain after which none is expected.
-PATIENCE = 3
+SPECTRA = 100  # what the spectra of an optimum cost, in evaluations
+PATIENCE = 3  # replacements without a gain after which none is expected
 # Descents that begin anew, further from the edge of the stability region and then along it, until
 # they gain no more than this.
 POLISHES, LAST_GAIN = 5, 1e-7

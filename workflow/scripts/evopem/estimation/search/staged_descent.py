@@ -67,8 +67,7 @@ LAST_COARSE_STAGES = POLISH_STAGES[:1]
 
 # Relative distance from the lowest value within which a descent is refined, and the most of them.
 NEAR, REFINED = 1e-3, 8
-# The same of descents of absolute errors that are told apart.
-SHARPENED = 0.01
+SHARPENED = 0.01  # the same of descents of absolute errors that are told apart
 
 # Newton steps towards linear coordinates: one is exact for the quadratic objective.
 LINEAR_STEPS = {"quadratic": 1, "absolute": 4}

@@ -47,8 +47,7 @@ ROUNDING = 1e-14
 # Waves and drifts of others may be fitted to the noise, and go on behind the samples; a predictor
 # that has to forget loses the likelihood of a few parameters at most.
 FORGETTING = 3.0
-# A pole moved to the radius stops just inside it.
-EDGE = 1e-9
+EDGE = 1e-9  # a pole moved to the radius stops just inside it
 
 
 @dataclass(frozen=True, eq=False)

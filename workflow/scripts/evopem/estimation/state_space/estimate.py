@@ -44,21 +44,16 @@ from evopem.signals.recording import Recording, Segment
 # A search ends after so many orders of higher BIC; estimates of an order that are descended from;
 # states of a noise model below those of the likeliest estimate by linear algebra.
 RISES, WIDTH, BELOW = 2, 3, 3
-# Largest order, and output values for each parameter.
-MOST_STATES, VALUES_PER_PARAMETER = 10, 5
-# Values of all channels from which on orders are tried in steps of two.
-LONG = 40_000
+MOST_STATES, VALUES_PER_PARAMETER = 10, 5  # largest order, and output values for each parameter
+LONG = 40_000  # values of all channels from which on orders are tried in steps of two
 # Weighting of the plants that structure ss_bj begins with.
 PLANT_WEIGHTING: OutputWeighting = "noise"
-# Models of random allowed poles that are descended from.
-RANDOM_STARTS = 8
-# Last number of the key of their draws.
-CONSTRAINED = 1
+RANDOM_STARTS = 8  # models of random allowed poles that are descended from
+CONSTRAINED = 1  # last number of the key of their draws
 # Shares of a noise model's gain that descents begin with: less draws its zeros in from the bound,
 # beyond which a start may be unstable.
 GAIN_SHARES = (1.0, 0.95)
-# Relative distance of two objectives that is rounding.
-SAME = 1e-9
+SAME = 1e-9  # relative distance of two objectives that is rounding
 
 
 def estimate_state_space(

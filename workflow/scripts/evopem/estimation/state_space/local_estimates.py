@@ -48,8 +48,7 @@ STRUCTURES, WEIGHTINGS = get_args(StateSpaceStructure), get_args(OutputWeighting
 QUADRATIC = SearchSettings(objective="quadratic")
 # Periods of the drift of structure ss_oe_drift in the longest segment, the shortest one.
 DRIFT_PERIODS = 5
-# Orders in a row that are lost in rounding at which a sweep ends.
-MOST_LOST = 2
+MOST_LOST = 2  # orders in a row that are lost in rounding at which a sweep ends
 
 
 @dataclass(frozen=True)

@@ -40,12 +40,10 @@ NO_MODELS: Mapping[int, StateSpaceModel] = MappingProxyType({})
 
 # Pairs of poles tried at a step from smaller orders to larger ones, and those descended from.
 PAIRS, DESCENDED = 32, 3
-# Random starts of an order that nothing else leads to.
-RANDOM_STARTS = 20
+RANDOM_STARTS = 20  # random starts of an order that nothing else leads to
 # Steps of all starts of an order in each round, and how many go on: of few states and of many.
 ROUNDS, OF_MANY, FEW_STATES = ((10, 3),), ((4, 8), (6, 3)), 10
-# Gain of twice the log likelihood that no choice depends on.
-NEGLIGIBLE = 0.1
+NEGLIGIBLE = 0.1  # gain of twice the log likelihood that no choice depends on
 
 
 def descended(
@@ -201,8 +199,7 @@ LEAST_EVALUATIONS, MOST_EVALUATIONS = 500, 8000
 # Estimates of each order that are descended from on the way to a larger order, and for the order
 # itself.
 WIDTH, FINAL_WIDTH = 3, 8
-# Optima of the other form that are descended from.
-CROSSED = 2
+CROSSED = 2  # optima of the other form that are descended from
 # Restarts that must agree before the multistart check, which is one more: no certificate asks for
 # fewer where there are many optima, as there are nearly always.
 AGREEING_BEFORE_CHECK = AGREEING - 1

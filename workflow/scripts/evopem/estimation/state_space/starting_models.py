@@ -18,8 +18,7 @@ from evopem.estimation.state_space.starting_points import from_matrices, from_po
 # Lags of the long ARX models, and horizons of the instrumental estimates.
 LAGS = (8, 20, 50)
 HORIZONS = (10, 25)
-# Largest order of most recordings.
-USUAL_ORDER = 20
+USUAL_ORDER = 20  # largest order of most recordings
 # Share of a long ARX model's regressors by which their number of samples must exceed it.
 SAMPLES_PER_REGRESSOR = 3
 # Ridge of least squares, relative to the largest squared singular value: rounding.

@@ -19,8 +19,7 @@ from evopem.signals.readers.open_file import Reference, listing, split_heading
 from evopem.signals.readers.uff import frequency_functions
 from evopem.signals.recording import numbered
 
-# Frequencies, below which nothing is estimated.
-FEWEST = 10
+FEWEST = 10  # frequencies, below which nothing is estimated
 # Lines to either side over which the variances of coherences are averaged.
 SMOOTHED = 3
 _BETWEEN = r"[\s_./:,;()-]+"

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from evopem.estimation.model_record import ModelRecord
     from evopem.signals.recording_info import RecordingInfo
 
-# Names that a sentence lists at most.
-LISTED = 6
+LISTED = 6  # names that a sentence lists at most
 
 
 @dataclass(frozen=True)

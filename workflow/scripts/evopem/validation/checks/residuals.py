@@ -47,8 +47,7 @@ KINDS = (
 )
 BETTER = "Every simulation error is below 100 %."
 LONGER_RECORD = "Use a longer record or fewer parameters."
-# Key of the orders of a state-space model.
-STATES = "“orders.nx”"
+STATES = "“orders.nx”"  # key of the orders of a state-space model
 
 
 def are_white(p_value: float, share: float, lags: int, outputs: int = 1) -> bool | None:
