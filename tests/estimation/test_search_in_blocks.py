@@ -84,6 +84,13 @@ def test_a_search_goes_on_where_an_earlier_one_ended(searched):
     assert second.search.diagnostics.n_confirming >= 1
 
 
+def test_an_earlier_search_has_no_focus():
+    given, settings = (record(), ORDERS["bj"]), SearchSettings(evaluations=0)
+    first = estimate_polynomial(*given, settings=settings)
+    with pytest.raises(ValueError, match="neither focus nor constraints"):
+        estimate_polynomial(*given, settings=settings, focus="simulation", earlier=first.search)
+
+
 @pytest.mark.parametrize("structure", ["oe", "fir"])
 def test_a_record_that_a_model_explains_without_error_is_searched(structure):
     u = np.sign(np.random.default_rng(1).standard_normal(SAMPLES))

@@ -314,9 +314,9 @@ def estimate_polynomial(
     without a level alone use ``n_initial_discard``.  Draws come from ``SeedSequence(seed,
     spawn_key=(na, *nb, nc, nd, *nf, *nk, level))``.
 
-    ``earlier``: a search of the same problem to combine with this one.  ``optimum``: of one-step
-    prediction without constraints, where these or a focus are given.  ``target``: what the search
-    is made for; it ends once it is unlikely to get so low.
+    ``earlier``: a search of the same problem, without focus or constraints, to combine with this
+    one.  ``optimum``: of one-step prediction without constraints, where these or a focus are given.
+    ``target``: what the search is made for; it ends once it is unlikely to get so low.
 
     Criteria and residuals are those of one step.  The covariance is zero across active constraints,
     counts priors as observations, and is None for absolute errors of several steps.  InputError
@@ -332,6 +332,8 @@ def estimate_polynomial(
         errors = checked_errors(data, orders, settings, window, level)
         horizon = check_fit(focus, constraints, orders, rate, names)
         plain = constraints is None and focus == "prediction"
+        if earlier is not None and not plain:
+            raise ValueError("an earlier search has neither focus nor constraints: give none")
         given = settings, constraints or Constraints(), names
         task = EstimationTask(errors, rate, *given, log, optimum, earlier, target)
         if orders.structure in REGULARISED:

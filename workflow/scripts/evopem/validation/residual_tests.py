@@ -214,7 +214,8 @@ class ResidualCorrelation:
     @property
     def share_inside(self) -> float:
         """Share of the correlations with a bound inside it, 0 to 1; ``nan`` for none."""
-        inside = np.abs(self.values[self.bound95 != 0.0]) <= self.bound95[self.bound95 != 0.0]
+        bounded = self.bound95 > 0.0  # all but that at lag 0 of an autocorrelation, which is 1
+        inside = np.abs(self.values[bounded]) <= self.bound95[bounded]
         known = bool(inside.size) and np.isfinite(self.values).all()
         return float(np.mean(inside)) if known else math.nan
 
