@@ -58,6 +58,9 @@ def test_the_error_of_the_simulation_decides(results, monkeypatch, error, answer
     assert answers(found)["simulation of the transformed output"] == answer
     (use,) = [u for u in found.uses if u.name == "simulation of the transformed output"]
     assert ("off by" in use.reason) == np.isfinite(error)
+    (modes,) = [use for use in found.uses if use.key == "modes"]
+    assert modes.answer == ("care" if error == 80.0 else "good")
+    assert ("simulations are off by 80" in modes.reason) == (error == 80.0)
 
 
 @pytest.mark.parametrize(

@@ -286,6 +286,11 @@ def _modes(results: DatasetResults) -> Use:
         reason += " and at most other orders"
     against = f"{plural(others, 'further mode')} not to be trusted" if others else ""
     findings: list[Finding] = [("good", reason), ("good", against), _by_checks("modes", results)]
+    error = results.validation.simulation_error_percent
+    tested = not (results.of_responses or input_rests(results.validation))
+    if results.model.has_input and tested and is_number(error) and error >= USABLE_SIMULATION:
+        # More of the modes trusted there are none (docs/evidence/calibration.md).
+        findings.append(("care", f"simulations are off by {percent(error)}"))
     if len(results.outputs) > 1:
         name += " (with shapes)"
         mixed = sum(bool(judged.shape_doubt) for judged in trusted)
