@@ -1,5 +1,6 @@
 """The command `evopem`, as a user types it."""
 
+import fcntl
 import importlib.util
 import json
 import os
@@ -134,6 +135,20 @@ def test_a_second_run_that_fails_or_is_stopped_leaves_the_results_of_the_first(
     assert {path: path.read_bytes() for path in made} == before
     assert evopem.read_results(results).name == "data"
     assert not list(results.glob(".writing-*"))
+
+
+def test_two_runs_do_not_write_the_same_results_at_once(folder, handed_over, capsys):
+    """The second one deleted what the first one had made, which ended in a traceback."""
+    results = folder / "results" / "data"
+    results.mkdir(parents=True)
+    other = os.open(results, os.O_RDONLY)
+    fcntl.flock(other, fcntl.LOCK_EX)
+    assert code_of(RUN) == 1
+    assert "results/data: another run writes results there; wait" in capsys.readouterr().err
+    assert list(results.iterdir()) == []
+    os.close(other)
+    assert code_of(RUN) == 130
+    assert len(handed_over) == 1
 
 
 def test_an_exchange_of_results_that_is_stopped_leaves_no_mixture(

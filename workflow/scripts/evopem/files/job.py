@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
@@ -166,6 +166,25 @@ def _interrupt(*_: object) -> NoReturn:
 
 
 @contextmanager
+def only_run(folder: str | Path) -> Iterator[None]:
+    """Refuse to work in a folder of results in which another process does, until that ends."""
+    with ExitStack() as opened:
+        try:
+            import fcntl
+
+            Path(folder).mkdir(parents=True, exist_ok=True)
+            held = os.open(folder, os.O_RDONLY)
+            opened.callback(os.close, held)
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            remedy = "wait until it has ended, or choose another folder"
+            raise InputError(str(folder), "another run writes results there", remedy) from None
+        except (ImportError, OSError):  # Windows; no locks; of a folder the job says what is wrong
+            pass
+        yield
+
+
+@contextmanager
 def job(
     log_file: str | Path,
     inputs: Iterable[str | Path] = (),
@@ -212,9 +231,7 @@ def job(
         except (InputError, MemoryError) as error:
             if isinstance(error, MemoryError):
                 problem = "this job needs more memory than is available"
-                remedy = (
-                    "run fewer jobs at the same time, raise its mem_mb, or shorten the recording"
-                )
+                remedy = "run fewer jobs at once, raise its mem_mb, or shorten the recording"
                 error = InputError(str(logs.parent / record.job), problem, remedy)
             logger.error("%s", error)
             fail(error)

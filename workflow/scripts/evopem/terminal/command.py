@@ -19,7 +19,7 @@ from evopem.config.source_checks import RESULTS_FOLDER
 from evopem.config.strict_yaml import Keys, check_yaml_files
 from evopem.errors import FOR_REPORT, InputError, check_packages
 from evopem.files.checksums import COMMAND, sha256_of_file
-from evopem.files.job import job
+from evopem.files.job import job, only_run
 from evopem.pipeline.identification import ProgressLine
 from evopem.results.identity import origins
 from evopem.results.layout import DatasetFiles, check_folders
@@ -292,7 +292,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     cores = len(affinity(0)) if affinity else os.cpu_count() or 1
     outputs = results_of(settings, files, with_report=True)
     try:
-        with job(files.log(COMMAND), (), outputs, ends_with_parent=False) as logger:
+        with only_run(files.folder), job(files.log(COMMAND), (), outputs, False) as logger:
 
             def log(words: str) -> None:
                 logger.info(words)
