@@ -13,7 +13,14 @@ from evopem.automatic.candidates import Candidate, OrderLimits, Scorer
 from evopem.automatic.chosen_model import estimate_candidate
 from evopem.automatic.cross_validation import simulation
 from evopem.automatic.cross_validation.folds import HeldOutScores, decide_folds, held_out_scores
-from evopem.automatic.fit import CommonSettings, recording_of, task_of, until_bic_rises
+from evopem.automatic.fit import (
+    LARGE_WIDTH,
+    CommonSettings,
+    fits_in_state_space,
+    recording_of,
+    task_of,
+    until_bic_rises,
+)
 from evopem.automatic.fold_errors import as_good
 from evopem.automatic.orders import (
     SINGLE_STEPS,
@@ -28,7 +35,7 @@ from evopem.config.settings import FitSettings, OrderRanges, SearchSettings
 from evopem.errors import NoModelError
 from evopem.estimation.criteria import lost_model
 from evopem.estimation.state_space import local_estimates
-from evopem.estimation.state_space.search import is_heavy
+from evopem.estimation.state_space.search import FINAL_WIDTH, is_heavy
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, Segment
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
@@ -201,6 +208,19 @@ def test_models_that_rounding_spoils_are_not_said_to_lack_samples(monkeypatch):
     assert "rounding spoils" in search.decision.sentence
     with pytest.raises(NoModelError, match="or rounding spoils each of them"):
         compare_structures(scorer, [search])
+
+
+@pytest.mark.parametrize(("channels", "widths"), [(4, [FINAL_WIDTH] * 2), (8, [LARGE_WIDTH])])
+def test_many_channels_shorten_a_search_as_many_samples_do(monkeypatch, channels, widths):
+    """Normal equations take time in proportion to the square of the channels."""
+    seen, signals = [], np.random.default_rng(1).standard_normal((4000, channels))
+    name = "evopem.automatic.fit.estimates_of_orders"
+    monkeypatch.setattr(name, lambda *_, width, **__: seen.append(width) or iter(()))
+    stretches = [Segment(signals[:, : channels // 2], signals[:, channels // 2 :])]
+    for structure in ("ss", "ss_bj"):
+        given = stretches, structure, (2,), (1,) * (channels // 2), CommonSettings()
+        assert not list(fits_in_state_space(*given))
+    assert seen == widths
 
 
 def test_orders_of_outputs_alone_begin_below_the_states_of_their_modes():

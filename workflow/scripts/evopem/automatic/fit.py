@@ -8,7 +8,7 @@ import numpy as np
 
 from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import Model
-from evopem.automatic.cross_validation.stretches import LONG, is_large
+from evopem.automatic.cross_validation.stretches import LARGE, LONG, is_large
 from evopem.config.settings import Objective, OutputWeighting, SearchSettings
 from evopem.config.structures import OF_ABSOLUTE_ERRORS, REGULARISED, STATE_SPACE_FORMS
 from evopem.errors import NoModelError
@@ -250,9 +250,12 @@ def fits_in_state_space(
     """Fits of ascending numbers of states until their BIC rises.
 
     ``starts``: models of another form by their order, which are descended from as well.
-    None of ``ss_bj`` of large records, where a descent takes too long.
+    None of ``ss_bj`` of large records, where a descent takes too long.  Normal equations take time
+    in proportion to the samples and the square of the channels.
     """
-    large, estimation = is_large(stretches), recording_of(stretches)
+    estimation = recording_of(stretches)
+    channels = estimation.inputs.shape[1] + estimation.outputs.shape[1]
+    large = is_large(stretches, 2 * LARGE // max(channels, 2))
     if structure == "ss_bj" and large:
         return
     driven = estimation.has_input

@@ -339,9 +339,9 @@ def swept(
     starts: Mapping[int, StateSpaceModel] = NO_MODELS,
 ) -> Iterator[tuple[StateSpaceProblem, SearchResult]]:
     """The best optimum of each order that the rungs of a ladder reach."""
-    plain = without_outliers(problem_for(errors, settings))
     usual = min(orders[-1], USUAL_ORDER)
-    models = StartingModels(plain, orders[-1], replace(errors, order=usual).cost <= HEAVY)
+    plain = without_outliers(problem_for(replace(errors, order=usual), settings))
+    models = StartingModels(plain, orders[-1], plain.cost <= HEAVY)
     generator = generator_of(settings, errors, usual, 1)
     for rung in rungs(plain, models, generator, width, orders, steps, log, starts):
         if not rung.optima:
