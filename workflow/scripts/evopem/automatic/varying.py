@@ -143,8 +143,14 @@ def moving_model(
     error, constant_error, standard_errors = compared(scheduled, *again)
     model = replace(chosen.model, schedule=schedule)
     moves = Moves(
-        *(model.text, error, constant_error, standard_errors, standard_errors > CLEARLY),
-        *(bool(model.radii().max() < 1.0), followed(model), schedule),
+        text=model.text,
+        error_percent=error,
+        constant_error_percent=constant_error,
+        standard_errors=standard_errors,
+        is_better=standard_errors > CLEARLY,
+        is_stable=bool(model.radii().max() < 1.0),
+        modes=followed(model),
+        schedule=schedule,
     )
     return Varying("", moves, model)
 

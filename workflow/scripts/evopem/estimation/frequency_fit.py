@@ -209,8 +209,14 @@ class ResponseFit:
         slopes = np.vstack([jacobian_of(entries, self.flat), silent])
         noise = np.mean(np.abs(self.misfit) ** 2, axis=0)
         return StateSpaceModel(
-            *(A, B, C, D, np.zeros((len(A), outputs)), self.rate, np.zeros(outputs)),
-            np.diag(noise.sum(axis=1)),
+            A=A,
+            B=B,
+            C=C,
+            D=D,
+            K=np.zeros((len(A), outputs)),
+            sampling_rate=self.rate,
+            level=np.zeros(outputs),
+            noise_covariance=np.diag(noise.sum(axis=1)),
             covariance=self.covariance.through(slopes),
             structure="ss_oe",
             input_names=responses.input_names,

@@ -307,8 +307,15 @@ class VaryingProblem:
         if with_covariance:
             covariance = self._covariance(point, fit, counted, log_variance)
         model = VaryingModel(
-            *(self.orders, self.basis, weights, log_variance, data.sampling_rate, covariance),
-            *("time", data.input_names, data.output_names),
+            orders=self.orders,
+            basis=self.basis,
+            weights=weights,
+            log_variance=log_variance,
+            sampling_rate=data.sampling_rate,
+            covariance=covariance,
+            schedule="time",
+            input_names=data.input_names,
+            output_names=data.output_names,
         )
         bic = likelihood + (int(self.free.sum()) + terms) * float(np.log(self._count))
         return VaryingEstimate(model, bic, errors, self.free)

@@ -101,8 +101,13 @@ def merge_setups(setups: Sequence[Setup]) -> MergedModes:
         for group in groups
     ]
     return MergedModes(
-        *(tuple(setups), tuple(names[:outputs]), tuple(names[outputs:]), modes, drive_errors),
-        *(tuple(by_setup), tuple(contradictions.values())),
+        setups=tuple(setups),
+        outputs=tuple(names[:outputs]),
+        inputs=tuple(names[outputs:]),
+        modes=modes,
+        drive_errors=drive_errors,
+        by_setup=tuple(by_setup),
+        contradictions=tuple(contradictions.values()),
     )
 
 
@@ -261,9 +266,14 @@ class _Structure:
             s = 2.0 * np.pi * frequency * (1j * np.sqrt(1.0 - damping**2) - damping)
             modes.append(
                 Mode(
-                    *(frequency, damping, complex(np.exp(s / rate))),
-                    *(float(errors[0]), float(errors[1]), shape[:outputs]),
-                    *(both.real[:outputs], both.imag[:outputs]),
+                    frequency_hz=frequency,
+                    damping_ratio=damping,
+                    pole=complex(np.exp(s / rate)),
+                    frequency_se_hz=float(errors[0]),
+                    damping_se=float(errors[1]),
+                    shape=shape[:outputs],
+                    shape_se_real=both.real[:outputs],
+                    shape_se_imag=both.imag[:outputs],
                     input_participation=shape[outputs:],
                     output_shares=np.full(outputs, np.nan),
                 )

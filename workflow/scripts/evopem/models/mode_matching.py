@@ -244,9 +244,14 @@ def stabilization(
     for order in sorted(modes):
         poles += [
             PoleOfOrder(
-                *(order, mode.frequency_hz, mode.damping_ratio, _status(mode, below)),
-                *(mode.frequency_se_hz, mode.damping_se, mode.phase_collinearity),
-                (row_of or {}).get((order, index)),
+                order=order,
+                frequency_hz=mode.frequency_hz,
+                damping_ratio=mode.damping_ratio,
+                status=_status(mode, below),
+                frequency_se_hz=mode.frequency_se_hz,
+                damping_se=mode.damping_se,
+                phase_collinearity=mode.phase_collinearity,
+                mode=(row_of or {}).get((order, index)),
             )
             for index, mode in enumerate(modes[order])
         ]

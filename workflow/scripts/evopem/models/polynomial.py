@@ -154,7 +154,10 @@ class PolynomialModel(Polynomials):
     @cached_property
     def _state_space(self) -> StateSpaceModel:
         return innovations_form(
-            *(self.orders, self.parameters, self.level, self.covariance),
+            self.orders,
+            self.parameters,
+            self.level,
+            self.covariance,
             sampling_rate=self.sampling_rate,
             noise_covariance=np.array([[self.noise_variance]]),
             input_names=self.input_names,

@@ -280,10 +280,13 @@ def decision_record(
         *filter(None, [revised.search]),
     )
     return DecisionRecord(
-        *(choice.purpose, decisions, revised.trials, revised.failed),
-        (*_remarks(prepared.estimation.segments), *untold, *revised.statements),
-        other_model,
-        delay.likely,
+        purpose=choice.purpose,
+        decisions=decisions,
+        trials=revised.trials,
+        failed=revised.failed,
+        remarks=(*_remarks(prepared.estimation.segments), *untold, *revised.statements),
+        other_model=other_model,
+        likely_delays=delay.likely,
     )
 
 

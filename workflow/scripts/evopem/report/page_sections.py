@@ -252,8 +252,10 @@ def _selection(results: DatasetResults) -> Context:
     decisions = record.decisions if record else map(phase_decision, results.phases.values())
     other_model = record.other_model if record else None
     model = OtherModel(
-        *(record.purpose if record else "", results.model.text),
-        *(validation.prediction_error_percent, validation.simulation_error_percent),
+        purpose=record.purpose if record else "",
+        model=results.model.text,
+        prediction_error_percent=validation.prediction_error_percent,
+        simulation_error_percent=validation.simulation_error_percent,
     )
     return {
         "record": record,

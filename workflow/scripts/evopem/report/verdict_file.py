@@ -154,8 +154,13 @@ def _moves(moves: Moves) -> ListedMoves:
         ends = [(end.frequency_hz, end.frequency_se_hz) for end in (mode.modes[0], mode.modes[-1])]
         modes.append(ListedMove(*ends[0], *ends[1], mode.moves))
     return ListedMoves(
-        *(moves.text, moves.schedule, moves.is_better, moves.is_stable),
-        *(moves.error_percent, moves.constant_error_percent, tuple(modes)),
+        model=moves.text,
+        schedule=moves.schedule,
+        is_better=moves.is_better,
+        is_stable=moves.is_stable,
+        error_percent=moves.error_percent,
+        constant_error_percent=moves.constant_error_percent,
+        modes=tuple(modes),
     )
 
 

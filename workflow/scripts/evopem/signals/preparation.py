@@ -135,8 +135,14 @@ def _section(
     inputs, input_initial = difference(recording.inputs[first - du : stop], du, pole)
     place = round(start * rate) + first
     origin = StretchOrigin(
-        *(number, place, start + first / rate, len(outputs), (), ()),
-        *(input_initial, output_initial),
+        recording=number,
+        first=place,
+        start=start + first / rate,
+        samples=len(outputs),
+        input_means=(),
+        output_means=(),
+        input_initial=input_initial,
+        output_initial=output_initial,
     )
     return Segment(inputs, outputs, number, place), origin
 

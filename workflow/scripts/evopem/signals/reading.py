@@ -36,7 +36,7 @@ def read_measured(
     path = Path(folder) / name
     source = str(path)
     inputs, outputs = _expanded(path, channels)
-    asked, time = (channels.inputs, channels.outputs), None
+    time = None
     stated = (channels.sampling_rate, channels.time, channels.header_lines, channels.decimal_mark)
     if all(value is None for value in stated):
         time = time_from_file(path, [*inputs, *outputs])
@@ -90,9 +90,13 @@ def read_measured(
     signals = np.column_stack([timed.on_grid(values[role]) for role in roles])
     count = len(inputs)
     whole = Recording(
-        *(signals[:, :count], signals[:, count:], timed.rate, names[:count], names[count:]),
-        _units(channels.input_unit, read[:count], names[:count], source, "input"),
-        _units(channels.output_unit, read[count:], names[count:], source, "output"),
+        inputs=signals[:, :count],
+        outputs=signals[:, count:],
+        sampling_rate=timed.rate,
+        input_names=names[:count],
+        output_names=names[count:],
+        input_units=_units(channels.input_unit, read[:count], names[:count], source, "input"),
+        output_units=_units(channels.output_unit, read[count:], names[count:], source, "output"),
     )
     recording, filled = without_missing(whole, source)
     check_recording(recording, source, measured=True)
@@ -102,9 +106,18 @@ def read_measured(
             raise InputError(source, problem, "choose another channel", place)
     local = local_path(path)
     return recording, FileOrigin(
-        *(str(Path(name)), sha256_of_file(local), local.stat().st_size, format_of(path), *asked),
-        *(recording.samples, len(recording.segments), whole.samples - recording.samples),
-        *(filled, time, timed.unevenness),
+        path=str(Path(name)),
+        sha256=sha256_of_file(local),
+        bytes=local.stat().st_size,
+        format=format_of(path),
+        inputs=channels.inputs,
+        outputs=channels.outputs,
+        samples=recording.samples,
+        segments=len(recording.segments),
+        left_out=whole.samples - recording.samples,
+        filled=filled,
+        time_from_file=time,
+        unevenness=timed.unevenness,
     )
 
 

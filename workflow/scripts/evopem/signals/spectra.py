@@ -79,8 +79,14 @@ def multitaper_spectrum(
         density[-1] /= 2.0
     density *= float(spectra.variances[0]) / (density.sum() * sampling_rate / nfft)
     return Spectrum(
-        *(spectra.frequencies, density, freedom, float(time_halfbandwidth), spectra.tapers, nfft),
-        *(spectra.segments, spectra.halfbandwidth_hz),
+        frequencies=spectra.frequencies,
+        density=density,
+        degrees_of_freedom=freedom,
+        time_halfbandwidth=float(time_halfbandwidth),
+        tapers=spectra.tapers,
+        nfft=nfft,
+        segments=spectra.segments,
+        halfbandwidth_hz=spectra.halfbandwidth_hz,
     )
 
 

@@ -188,16 +188,19 @@ def parts_of(
         at_lines = np.interp(np.flatnonzero(on), np.flatnonzero(off), level[off])
     levels = np.array([noise[on], np.maximum(at_lines - noise[on] * lines.by_realisations, 0.0)])
     even = np.arange(len(on)) % 2 == 0
-    known = distortion > 0.0 and not on[even].any()
+    even_share = math.nan
+    if distortion > 0.0 and not on[even].any():
+        even_share = min(max(float(w[even] @ level[even]) / distortion, 0.0), 1.0)
     # What is at lines left out tells more, or less, than is in the error.
     stated = min(distortion, max(total - changing, 0.0))
     log_p = np.log(np.maximum(p_values, np.finfo(float).tiny))
     parts = ErrorParts(
-        *(name, 100.0 * math.sqrt(total)),
-        Part.of(changing, of_noise),
-        Part.of(stated, (min(of_distortion[0], stated), of_distortion[1])),
-        Part.of(rest, (rest - down, rest + up)),
-        min(max(float(w[even] @ level[even]) / distortion, 0.0), 1.0) if known else math.nan,
+        name=name,
+        error_percent=100.0 * math.sqrt(total),
+        noise=Part.of(changing, of_noise),
+        distortion=Part.of(stated, (min(of_distortion[0], stated), of_distortion[1])),
+        rest=Part.of(rest, (rest - down, rest + up)),
+        even_share=even_share,
     )
     return parts, float(chdtrc(2 * len(log_p), -2.0 * log_p.sum())), levels
 

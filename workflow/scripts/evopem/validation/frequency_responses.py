@@ -40,7 +40,13 @@ def validate_responses(fit: ResponseFit, modes: Sequence[Mode], most: int) -> Va
     order = fit.model.order
     evidence = tuple(
         ModeEvidence(
-            *(mode, order, (order,), math.nan, NO_TEST, True, None),
+            mode=mode,
+            order=order,
+            orders=(order,),
+            recurrence=math.nan,
+            input_test=NO_TEST,
+            reached=True,
+            needed_by_noise=None,
             doubts=tuple(_doubts(mode, fit)),
         )
         for mode in modes
@@ -49,14 +55,23 @@ def validate_responses(fit: ResponseFit, modes: Sequence[Mode], most: int) -> Va
     alike = tuple(tuple(assurance(a.shape, b.shape) for b in modes) for a in modes)
     nan = math.nan
     return Validation(
-        *(0, 0, nan, fit.error_percent, nan),
-        *((), (), (), ()),  # what needs samples in time
-        (),
-        *(0, 0, 0),
-        NO_TEST,
-        ModelClass(NOT_TESTED, NOT_TESTED, NOT_TESTED),
-        nan,
-        ModeTable(order, tuple(2 * n for n in fit.criteria), evidence, tuple(poles), alike),
+        samples=0,
+        unscored_samples=0,
+        prediction_error_percent=nan,
+        simulation_error_percent=fit.error_percent,
+        fitted_state_error_percent=nan,
+        outputs=(),
+        inputs=(),
+        pairs=(),
+        horizons=(),
+        stretches=(),
+        residual_samples=0,
+        lags=0,
+        correlation_lags=0,
+        input_test=NO_TEST,
+        model_class=ModelClass(NOT_TESTED, NOT_TESTED, NOT_TESTED),
+        resolution_hz=nan,
+        modes=ModeTable(order, tuple(2 * n for n in fit.criteria), evidence, tuple(poles), alike),
         checks=_checks(fit, most),
     )
 

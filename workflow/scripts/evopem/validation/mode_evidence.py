@@ -239,8 +239,13 @@ def with_noise_modes(table: ModeTable, modes: Sequence[Mode], inputs: int) -> Mo
     nothing = np.zeros(inputs, dtype=complex)
     untested = tuple(
         ModeEvidence(
-            *(replace(mode, input_participation=nothing), table.order, (), math.nan),
-            *(NO_TEST, None, None),
+            mode=replace(mode, input_participation=nothing),
+            order=table.order,
+            orders=(),
+            recurrence=math.nan,
+            input_test=NO_TEST,
+            reached=None,
+            needed_by_noise=None,
             doubts=("is of the noise filter alone, and was not tested",),
         )
         for mode in modes
@@ -273,7 +278,9 @@ def _judged(
     inside = len(by_order) == 1 or chosen < ending[-1]
     shared = len(group) > 1 and group.keys() >= {m.order for m in compared}
     judged = ModeEvidence(
-        *(mode, order_model.order, tuple(sorted(group))),
+        mode=mode,
+        order=order_model.order,
+        orders=tuple(sorted(group)),
         recurrence=float(np.mean([m.order in group for m in compared])) if compared else math.nan,
         compared=len(compared),
         confirmed=inside or group.keys() >= set(ending) or (shared and of_input.p_value < CERTAIN),

@@ -234,14 +234,17 @@ def _outputs(
     return (
         tuple(
             OutputValidation(
-                *(validation.output_names[k], validation.output_units[k]),
-                *(predicted[k], simulated[k], fitted[k]),
-                tables.recorded_errors(prepared.transforms, recorded, k),
-                tuple(ahead[:, k].tolist()),
-                whiteness[k],
-                correlation.share_inside,
-                tables.outlier_percent(tested.residuals[:, k]),
-                spectra.peak_evidence(model, prepared.estimation.longest, k, spectrum),
+                name=validation.output_names[k],
+                unit=validation.output_units[k],
+                prediction_error_percent=predicted[k],
+                simulation_error_percent=simulated[k],
+                fitted_state_error_percent=fitted[k],
+                recorded=tables.recorded_errors(prepared.transforms, recorded, k),
+                horizon_errors_percent=tuple(ahead[:, k].tolist()),
+                ljung_box=whiteness[k],
+                autocorrelation_share_inside95=correlation.share_inside,
+                outlier_percent=tables.outlier_percent(tested.residuals[:, k]),
+                peaks=spectra.peak_evidence(model, prepared.estimation.longest, k, spectrum),
             )
             for k, correlation in enumerate(correlations)
         ),

@@ -283,10 +283,14 @@ def _part(
             ]
         origins.append(
             StretchOrigin(
-                *(origin.recording, first, start, stretch.samples),
-                tuple((means[0] + offsets[0]).tolist()),
-                tuple((means[1] + offsets[1]).tolist()),
-                *initial,
+                recording=origin.recording,
+                first=first,
+                start=start,
+                samples=stretch.samples,
+                input_means=tuple((means[0] + offsets[0]).tolist()),
+                output_means=tuple((means[1] + offsets[1]).tolist()),
+                input_initial=initial[0],
+                output_initial=initial[1],
             )
         )
     if not segments:

@@ -140,9 +140,16 @@ def read_responses(
     )
     pairs = zip(of_outputs, units[:: len(inputs)], strict=True)
     return FrequencyResponses(
-        *(axes[0][kept], values, variances, absolute, channels.sampling_rate, inputs, outputs),
-        *(tuple(unit or "" for unit in of_inputs), tuple(unit or stated for unit, stated in pairs)),
-        str(path),
+        frequencies=axes[0][kept],
+        values=values,
+        variances=variances,
+        are_absolute=absolute,
+        sampling_rate=channels.sampling_rate,
+        input_names=inputs,
+        output_names=outputs,
+        input_units=tuple(unit or "" for unit in of_inputs),
+        output_units=tuple(unit or stated for unit, stated in pairs),
+        source=str(path),
     )
 
 
