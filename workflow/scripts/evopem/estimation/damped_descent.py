@@ -24,8 +24,7 @@ FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e12
 FIRST_WIDTH, NARROWER = 1.0, 0.1
 # The last one of a descent of a search over orders, of one for an order, and to the last digits.
 SWEEP_WIDTH, SEARCH_WIDTH, POLISH_WIDTH = 1e-2, 1e-4, 1e-6
-# The first one of the last pass to the last digits, which stays at its optimum.
-LAST_PASS = 1e-3
+LAST_PASS = 1e-3  # the first one of the last pass to the last digits, which stays at its optimum
 # A width is left when a step promises less than this share of it, or twice in a row gains less.
 ABSOLUTE_TOLERANCE = 1e-3
 STEPS_AT_WIDTH = 60  # steps at one width

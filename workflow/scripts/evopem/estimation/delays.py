@@ -29,8 +29,7 @@ LIKELY, LITTLE = 0.95, 5.0
 # Score of all but the best delay and its neighbours that leaves no doubt of ARX models; they are
 # doubted where an input has less than this share of its power in the upper half of the frequencies.
 CLEAR, SLOW = 20.0, 0.1
-# Delay of slow inputs of several channels up to which ARX models are not doubted.
-CERTAIN_DELAY = 2
+CERTAIN_DELAY = 2  # delay of slow inputs of several channels up to which ARX models are not doubted
 # Shares of a lag's size, and of the outputs' power, that are rounding.
 DEPENDENT, FLOOR = 1e-9, 1e-14
 ROUNDS = 5  # rounds over the inputs; the choice hardly ever changes after the second one

@@ -37,8 +37,7 @@ FIRST_SCALES, FIRST_SHARES = (0.0, 4.0, 8.0), (0.02, 0.08, 0.3)
 # Relative change of twice the logarithm of the likelihood at which a search ends.
 CONVERGED = 1e-7
 SPOILT = 1e12  # value of hyper-parameters whose covariance rounding makes indefinite
-# Past outputs and lags of the input in a predictor of which a delay is judged.
-PAST, LAGS = 40, 100
+PAST, LAGS = 40, 100  # past outputs and lags of the input in a predictor of which a delay is judged
 # Hyper-parameters are searched for delays so far apart.  Those between take over the likelier ones
 # of both, and search where that comes so near to the lowest value, as twice a logarithm; where both
 # are so far from it, they are far as well.

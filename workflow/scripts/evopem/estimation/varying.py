@@ -44,8 +44,7 @@ EVALUATIONS, COARSE, FINE = 200, 10, 60
 # Largest modulus of frozen roots of F; those of C forget the start in a share of the samples, as
 # slow ones that nearly cancel slow poles would fit the record by what was before it.
 RADIUS, FORGOTTEN = 0.9999, 20.0
-# Size of the errors, of those of the output, of a filter that grows without bound.
-HOPELESS = 1e6
+HOPELESS = 1e6  # size of the errors, of those of the output, of a filter that grows without bound
 
 
 @dataclass(frozen=True, eq=False)

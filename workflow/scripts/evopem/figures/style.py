@@ -216,7 +216,9 @@ def stems(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     return np.column_stack([x, x, gap]).ravel(), np.column_stack([zero, y, gap]).ravel()
 
 
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+def superscript(power: int) -> str:
+    """A power as superscript digits."""
+    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def power_of_ten(value: float, _position: float | None = None) -> str:
@@ -228,7 +230,7 @@ def power_of_ten(value: float, _position: float | None = None) -> str:
         return f"{value:g}"
     whole = int(np.floor(exponent + 1e-9))
     factor = value / 10.0**whole
-    power = f"10{str(whole).translate(_SUPERSCRIPTS)}"
+    power = f"10{superscript(whole)}"
     return power if abs(factor - 1) < 1e-6 else f"{factor:g}·{power}"
 
 

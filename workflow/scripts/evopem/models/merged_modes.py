@@ -20,8 +20,7 @@ from evopem.errors import InputError
 from evopem.models.modes import Mode
 from evopem.models.setups import INPUT, Setup, check_setups, common_modes
 
-# Probability that any set-up is said to contradict the others where none does.
-FALSE_ALARMS = 0.05
+FALSE_ALARMS = 0.05  # probability that any set-up is said to contradict the others where none does
 # Least eigenvalue of a correlation, and share of a set-up in what others know, beyond rounding.
 ROUNDING, SHARED = 1e-9, 1e-6
 # Factor of the covariance of a set-up that is as good as left out.

@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from typing import TypeGuard
 
+from evopem.figures.style import superscript
 from evopem.models.modes import Mode
 from evopem.results.fleet import mode_values
 from evopem.validation.checks.check import whole
@@ -38,11 +39,6 @@ def number(value: float | None, digits: int = 4) -> str:
 def raw(value: float | None) -> str:
     """A number for programs, with 12 digits; empty where it is missing."""
     return f"{value:.12g}" if is_number(value) else ""
-
-
-def superscript(power: int) -> str:
-    """A power as superscript digits."""
-    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def fixed(value: float | None, decimals: int = 2) -> str:

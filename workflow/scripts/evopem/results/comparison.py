@@ -69,8 +69,7 @@ class Comparison:
 
     labels: tuple[str, ...]  # one for each model, all different
     models: tuple[DatasetResults, ...]
-    # The models as set-ups of one structure, their modes merged
-    merged: MergedModes | None = None
+    merged: MergedModes | None = None  # the models as set-ups of one structure, their modes merged
 
     @classmethod
     def of(

@@ -12,8 +12,7 @@ from evopem.arrays import Array
 CHUNK = 8192
 # Rows of up to 200 columns that are reduced at a time: they stay in the cache of a processor.
 ROWS = 2**11
-# Columns of a block, by which LAPACK makes more of its cache.
-WIDTH = 32
+WIDTH = 32  # columns of a block, by which LAPACK makes more of its cache
 
 
 def chunks(start: int, stop: int) -> Iterator[tuple[int, int]]:

@@ -176,7 +176,9 @@ def _divided(
     source: Source = "file" if n_own < count else "cut" if len(stretches) == n_own else "gap"
     if n_own == count > 1 and split.by == "recordings":
         totals = [sum(stretches[place].recording.samples for place in listed) for listed in places]
-        kept, source = n_own - _held_out_recordings(totals, 1.0 - split.estimation), "recordings"
+        held_out = np.cumsum(totals[:0:-1])  # by the last recordings, one of them at least
+        wrong = np.abs(held_out - (1.0 - split.estimation) * sum(totals))
+        kept, source = n_own - int(np.argmin(wrong)) - 1, "recordings"
     estimation: list[Range] = []
     validation: list[Range] = []
     for number, samples in enumerate(available):
@@ -213,11 +215,6 @@ def _estimation_range(
         remedy = "ask for fewer samples or name a validation_file"
         raise InputError(f"{source}.estimation", problem, remedy)
     return first, first + samples
-
-
-def _held_out_recordings(samples: Sequence[int], share: float) -> int:
-    """How many of the last recordings hold about a share of all samples; at least one."""
-    return int(np.argmin(np.abs(np.cumsum(samples[:0:-1]) - share * sum(samples)))) + 1
 
 
 def _before_last_change(inputs: Array, first: int, stop: int) -> int:

@@ -183,8 +183,7 @@ def anti_alias_filter(ratio: Fraction) -> Array:
 MOST_LAGS = 30
 SAMPLES_PER_COEFFICIENT = 10
 ROWS = 4096  # rows of the regression that are held in memory at a time
-# Quantile of the normal distribution that an estimate must exceed, two-sided 1 %.
-NORMAL_99 = 2.576
+NORMAL_99 = 2.576  # quantile of the normal distribution that an estimate must exceed, two-sided 1 %
 # Diagonal elements of the triangle below this share of their column's length are rounding.
 RANK_TOLERANCE = 1e-10
 

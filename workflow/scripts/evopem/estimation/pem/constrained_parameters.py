@@ -20,8 +20,7 @@ from evopem.estimation.pem.constrained_polynomials import (
 from evopem.estimation.pem.derived_errors import Mapped
 from evopem.estimation.pem.pole_region import AT_EDGE
 
-# Shares of a start: away from the edges, where the slope by the coordinate vanishes.
-INSIDE = 0.01
+INSIDE = 0.01  # shares of a start: away from the edges, where the slope by the coordinate vanishes
 
 
 @dataclass(frozen=True)

@@ -47,8 +47,7 @@ NEVER = 2**31
 DESCENDED, PATIENCE = 8, 6
 # Evaluations of a search that is the first pass of a race, and its random points.
 FIRST_PASS, FIRST_BATCH = 0, 8
-# The lowest of the estimates by linear algebra that it descends from as well.
-FIRST_ESTIMATES = 4
+FIRST_ESTIMATES = 4  # the lowest of the estimates by linear algebra that it descends from as well
 
 
 class _Search(SearchProgress):

@@ -49,8 +49,7 @@ COMMON_DAMPING = 1e-6
 # may be: at most 0.64 in four problems with a lower optimum there, 0.07 to 2.7 in eight without.
 # How many descents, how far above it they may end to go on along the edge, and how many of these.
 INSIDE, WITHIN, FROM_EDGE, NEAR, CONTINUED = 1e-3, 1.0, 8, 0.01, 2
-# Share of the generations that recombine roots; the others recombine coefficients.
-BY_ROOTS = 0.75
+BY_ROOTS = 0.75  # share of the generations that recombine roots; the others recombine coefficients
 # Pairs of poles tried at a step from smaller orders to larger ones, and those descended from.
 PAIRS, DESCENDED = 32, 4
 

@@ -21,8 +21,7 @@ HORIZONS = (10, 25)
 USUAL_ORDER = 20  # largest order of most recordings
 # Share of a long ARX model's regressors by which their number of samples must exceed it.
 SAMPLES_PER_REGRESSOR = 3
-# Ridge of least squares, relative to the largest squared singular value: rounding.
-RIDGE = 1e-13
+RIDGE = 1e-13  # ridge of least squares, relative to the largest squared singular value: rounding
 # Block rows of the Hankel matrix of an impulse response, and its largest entry.
 FEWEST_BLOCKS, MOST_BLOCKS, LARGEST_RESPONSE = 12, 60, 1e6
 

@@ -335,8 +335,6 @@ def outliers(evidence: Evidence) -> Found:
         repair = "Inspect them in the record, and repair spikes and drop-outs."
         return False, biased, f"{repair} The objective “absolute” gives outliers less weight."
     if percent <= MAX_OUTLIER_PERCENT_ABSOLUTE:
-        return (
-            True,
-            f"{problem} deviations. The absolute objective is robust against so few outliers.",
-        )
+        robust = "The absolute objective is robust against so few outliers."
+        return True, f"{problem} deviations. {robust}"
     return False, biased
