@@ -20,7 +20,7 @@ from evopem.automatic.cross_validation.stretches import (
     folds_of,
     is_large,
     response_parts,
-    with_past,
+    with_lead_in,
 )
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import likeliest_arx
@@ -289,7 +289,7 @@ def held_out_scores(
         for fold in folds:
             parts = list(zip(fold.before, fold.held_out, strict=True))
             parts = [part for part in parts if part[0].samples or not has_past]
-            parts = [with_past(*part, plan.shortest) for part in parts]
+            parts = [with_lead_in(*part, plan.shortest) for part in parts]
             # A rest of a stretch tells little, and fewer samples before than a delay no state.
             parts = [p for p in parts if min(s.samples for s in p) >= plan.shortest] or parts
             scored += [parts] if parts else []

@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from evopem.arrays import Array
+from evopem.models.states import first_samples as determining_samples
 from evopem.signals.recording import Segment, total_samples
 
 # A stretch shorter than this is of no use.
@@ -88,14 +89,20 @@ def folds_of(
     return tuple(divided)
 
 
-def with_past(before: Segment, held_out: Segment, shortest: float) -> tuple[Segment, Segment]:
-    """Held-out samples and those before; where these are too few to determine a state, the first
-    held-out ones are of them, if enough are left."""
-    lead_in = int(np.ceil(shortest)) - before.samples
-    if not before.samples or lead_in <= 0 or held_out.samples < lead_in + shortest:
+def with_lead_in(before: Segment, held_out: Segment, shortest: float) -> tuple[Segment, Segment]:
+    """Samples that determine the state of a simulation, and the held-out ones that are scored.
+
+    The first are as many as those of a record without a past, or the shortest that tell a state:
+    the last ones before, and the first held-out ones where those are too few and enough are left.
+    """
+    lead_in = max(int(np.ceil(shortest)), determining_samples(held_out.samples))
+    missing = lead_in - before.samples
+    if missing <= 0:
+        return before.between(-missing, before.samples), held_out
+    if not before.samples or held_out.samples < missing + shortest:
         return before, held_out
-    past = joined(before, held_out.between(0, lead_in))
-    return past, held_out.between(lead_in, held_out.samples)
+    past = joined(before, held_out.between(0, missing))
+    return past, held_out.between(missing, held_out.samples)
 
 
 def joined(before: Segment, stretch: Segment) -> Segment:
