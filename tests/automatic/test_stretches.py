@@ -62,6 +62,11 @@ def test_a_rest_of_a_stretch_is_no_part_that_is_held_out():
         held_out.clear()
         held_out_scores(stretches, replace(plan, designs=((2, 1),)), estimate, False)
     assert held_out == [(45, 832 - 45)]
+    # A longer past would tell the state better than the first tenth of a validation record does.
+    held_out.clear()
+    with patch("evopem.automatic.cross_validation.folds._errors_on", errors_on):
+        held_out_scores([Segment(u, y)], replace(plan, designs=((2, 1),)), estimate, False)
+    assert held_out == [(len(y) // 10, len(y) - len(y) // 2)]
 
 
 @pytest.mark.parametrize("objective", ["quadratic", "absolute"])

@@ -26,6 +26,7 @@ from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import likeliest_arx
 from evopem.config.settings import SearchSettings
 from evopem.errors import NoModelError
+from evopem.models.states import first_samples
 from evopem.signals.recording import Segment, total_samples
 from evopem.signals.spectra import LONGEST_LAG, cross_correlation, repetition_lag
 from evopem.validation.held_out_tests import whitened
@@ -279,6 +280,8 @@ def held_out_scores(
     scale = np.mean(np.abs(centred), axis=0) if absolute else np.std(outputs, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     shortest = min(SHORTEST_BLOCK, total_samples(stretches) // 4)
+    # As of a record for validation: a longer past tells the state of slow poles too well.
+    lead_in = max(first_samples(total_samples(stretches)), int(np.ceil(plan.shortest)))
     designs, training = [], []
     for design in plan.designs:
         edges = _response_edges(stretches, design[0]) if plan.by_energy else None
@@ -289,7 +292,7 @@ def held_out_scores(
         for fold in folds:
             parts = list(zip(fold.before, fold.held_out, strict=True))
             parts = [part for part in parts if part[0].samples or not has_past]
-            parts = [with_lead_in(*part, plan.shortest) for part in parts]
+            parts = [with_lead_in(*part, lead_in, plan.shortest) for part in parts]
             # A rest of a stretch tells little, and fewer samples before than a delay no state.
             parts = [p for p in parts if min(s.samples for s in p) >= plan.shortest] or parts
             scored += [parts] if parts else []

@@ -7,7 +7,6 @@ from functools import lru_cache
 import numpy as np
 
 from evopem.arrays import Array
-from evopem.models.states import first_samples as determining_samples
 from evopem.signals.recording import Segment, total_samples
 
 # A stretch shorter than this is of no use.
@@ -89,17 +88,16 @@ def folds_of(
     return tuple(divided)
 
 
-def with_lead_in(before: Segment, held_out: Segment, shortest: float) -> tuple[Segment, Segment]:
-    """Samples that determine the state of a simulation, and the held-out ones that are scored.
-
-    The first are as many as those of a record without a past, or the shortest that tell a state:
-    the last ones before, and the first held-out ones where those are too few and enough are left.
-    """
-    lead_in = max(int(np.ceil(shortest)), determining_samples(held_out.samples))
-    missing = lead_in - before.samples
-    if missing <= 0:
-        return before.between(-missing, before.samples), held_out
-    if not before.samples or held_out.samples < missing + shortest:
+def with_lead_in(
+    before: Segment, held_out: Segment, lead_in: int, shortest: float
+) -> tuple[Segment, Segment]:
+    """The last samples before, at most as many as the lead-in of a whole record, and those to be
+    scored: where the first are fewer than the shortest that determine a state, the first held-out
+    ones are of them, if enough are left."""
+    if before.samples > lead_in:
+        return before.between(before.samples - lead_in, before.samples), held_out
+    missing = int(np.ceil(shortest)) - before.samples
+    if not before.samples or missing <= 0 or held_out.samples < missing + shortest:
         return before, held_out
     past = joined(before, held_out.between(0, missing))
     return past, held_out.between(missing, held_out.samples)
