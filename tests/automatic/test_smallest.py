@@ -27,6 +27,7 @@ from evopem.automatic.structures import (
     Choice,
     _by_likelihood,
     _for_simulation,
+    _likely,
     _misses_response,
     _smallest_as_good,
     _that_simulate,
@@ -319,7 +320,8 @@ def test_no_simple_model_takes_the_place_of_a_valid_one_under_feedback(monkeypat
     monkeypatch.setattr(structures, "feedback_test", lambda *_: feedback)
     monkeypatch.setattr(structures, "_misses_response", lambda *_: False)
     monkeypatch.setattr(structures, "gain_of_nothing", lambda *_: None)
-    found, _ = _for_simulation(scorer_of((likeliest, simple)), [likeliest, simple], "simulation")
+    given = scorer_of((likeliest, simple)), [likeliest, simple], "simulation"
+    found, _ = _for_simulation(*given, *_likely(*given))
     assert found is (likeliest if p_value < 0.001 else simple)
 
 
@@ -429,7 +431,8 @@ def test_what_a_linear_model_misses_calls_for_a_regularised_response(gain, follo
     scorer = scorer_of((chosen, response))
     scorer.settings = SimpleNamespace(objective="quadratic")
     scorer.stretches = [Segment(u, np.concatenate([[0.0], u[:-1]]) + e)]
-    found, _ = _for_simulation(scorer, [chosen, response], "simulation")
+    given = scorer, [chosen, response], "simulation"
+    found, _ = _for_simulation(*given, *_likely(*given))
     assert found is (response if is_response else chosen)
 
 

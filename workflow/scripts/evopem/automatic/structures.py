@@ -45,6 +45,7 @@ from evopem.validation.checks.roots import INSIDE_BOUND
 from evopem.validation.model_class import acts_at_once, feedback_test
 
 Level = Literal["constant", "state"]
+Likely = tuple[Candidate, str] | None  # chosen for its likelihood, and why
 # Largest held-out simulation errors, against the lowest ones, of a model that is taken for its
 # likelihood: where its residuals are valid, and where all its checks hold or chance allows it.
 MOST_WHEN_VALID, MOST_WHEN_ALL_HOLD = 1.25, 3.0
@@ -114,9 +115,8 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     which the BIC gives no strong evidence, the smallest one whose checks hold; the BIC is that of
     one-step errors where these are white, else of simulation errors.  Prediction: the same with
     one-step errors on held-out samples.  Modes: the lowest BIC of models with poles.  Without an
-    input there is no simulation, by which :func:`_with_valid_noise` else leaves models out.
-
-    Raises NoModelError when no structure has a candidate.
+    input there is no simulation, by which :func:`_with_valid_noise` else leaves models out.  Raises
+    NoModelError when no structure has a candidate.
     """
     eligible = [candidate for search in searches for candidate in _eligible(search)]
     every = [candidate for search in searches for candidate in search.candidates]
@@ -131,22 +131,25 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     every += _with_noise(scorer, every)
     choices, decisions = [], []
     # Where the likeliest model is valid, nothing that only simulates better is chosen.
-    for criteria in ((BIC,), (BIC, SIMULATION_BIC))[: 1 + scorer.has_input]:
+    for by_simulation in (False, True)[: 1 + scorer.has_input]:
+        criteria = (BIC, SIMULATION_BIC) if by_simulation else (BIC,)
         scored = scorer.with_scores(parametric(eligible), criteria)
         for candidate in not_far_behind(scorer, simplest(eligible), scored):
             scorer.with_own_scores(candidate)
         candidates = every = [*dict.fromkeys(map(scorer.known, [*scored, *eligible, *every]))]
         if scorer.has_input:
             level, about_level = _level_of(every)
-            for criterion in (score_of(_kind_of(level)), BIC)[-len(criteria) :]:
+            kind = _kind_of(level)
+            for criterion in (score_of(kind), BIC) if by_simulation else (BIC,):
                 for finalist in _finalists(every, criterion):
                     every += refine_orders(scorer, _at_likely_delay(scorer, finalist), criterion)
             # What was refined may have been searched, and scored only then.
             candidates, refuted = _with_valid_noise([*dict.fromkeys(map(scorer.known, every))])
-            if _likely(scorer, candidates, _kind_of(level))[1]:
+            is_fed_back, likely = _likely(scorer, candidates, kind)
+            if likely:
                 break
     if scorer.has_input:
-        simulation, about = _for_simulation(scorer, candidates, _kind_of(level))
+        simulation, about = _for_simulation(scorer, candidates, kind, is_fed_back, likely)
         if level == "constant":
             # A level passes through 1/A: where A has roots near 1, its small error in the equation
             # is a large one in simulations.
@@ -244,9 +247,8 @@ def _at_likely_delay(scorer: Scorer, start: Candidate) -> Candidate:
 
 
 def _for_simulation(
-    scorer: Scorer, candidates: Sequence[Candidate], kind: Kind
+    scorer: Scorer, candidates: Sequence[Candidate], kind: Kind, is_fed_back: bool, likely: Likely
 ) -> tuple[Candidate, Decision]:
-    is_fed_back, likely = _likely(scorer, candidates, kind)
     kept = candidates if likely or is_fed_back else _that_simulate(scorer, candidates)
     choice = likely or _smallest_as_good(scorer, parametric(kept), kind)
     # Under feedback models without noise have the lowest simulation errors, and a wrong response.
@@ -259,9 +261,7 @@ def _for_simulation(
     return chosen, _named(subject, chosen, candidates, score_of(kind), criterion, sentence)
 
 
-def _likely(
-    scorer: Scorer, candidates: Sequence[Candidate], kind: Kind
-) -> tuple[bool, tuple[Candidate, str] | None]:
+def _likely(scorer: Scorer, candidates: Sequence[Candidate], kind: Kind) -> tuple[bool, Likely]:
     """Whether the input is fed back, and what is chosen for its likelihood."""
     searched, lowest = parametric(candidates), min(candidates, key=score_of(kind))
     is_fed_back = _is_fed_back(scorer, min(searched, key=BIC))
@@ -278,7 +278,7 @@ def _that_simulate(scorer: Scorer, candidates: Sequence[Candidate]) -> list[Cand
 
 def _by_likelihood(
     scorer: Scorer, candidates: Sequence[Candidate], kind: Kind, lowest: Candidate, fed_back: bool
-) -> tuple[Candidate, str] | None:
+) -> Likely:
     """A model by its likelihood, where it is valid; ``lowest`` simulates best of all. Maximum
     likelihood is efficient where the residuals are white and independent of the input, and unbiased
     where the input depends on them.  Simulation errors contain the noise as a whole; where it is
