@@ -24,17 +24,8 @@ from evopem.models.modes import Mode, assurances
 from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.response_tables import Column, shaped_modes_table
 from evopem.signals.recording import Recording
+from evopem.validation import modal_parts
 from evopem.validation.held_out_tests import NO_TEST, SIGNIFICANCE, HeldOutTest
-from evopem.validation.modal_parts import (
-    ModeTests,
-    has_known_damping,
-    held_out_mode_tests,
-    is_driven_clearly,
-    is_short,
-    keeps_half,
-    outlasting_test,
-    pole_count,
-)
 from evopem.validation.responses import HeldOut, Model, divided
 from evopem.validation.spectra import EXCITED
 
@@ -185,7 +176,7 @@ def table_of_models(
     gives those that the model was estimated from.
     """
     by_order = {model.order: model for model in models}
-    tests: dict[int, list[ModeTests]] = {}
+    tests: dict[int, list[modal_parts.ModeTests]] = {}
     of_model: dict[int, tuple[float, HeldOutTest]] = {}  # most samples, and the outlasting test
     squares: dict[int, Array] = {}  # of one-step errors of each output, their means
     judged: list[ModeEvidence] = []
@@ -197,9 +188,10 @@ def table_of_models(
         nearby = by_order[order]
         if order not in tests:
             records, known = held_out(nearby.model), estimation(nearby.model)
-            tests[order] = held_out_mode_tests(nearby.modes, records, known)
+            tests[order] = modal_parts.held_out_mode_tests(nearby.modes, records, known)
             lengths = (len(record.outputs) for record in (*records, *known))
-            of_model[order] = max(lengths, default=math.inf), outlasting_test(records, known)
+            outlasting = modal_parts.outlasting_test(records, known)
+            of_model[order] = max(lengths, default=math.inf), outlasting
         of_mode = tests[order][group[order]]
         mode, without = nearby.modes[group[order]], None
         below = [m for m in models if m.order < order and m.order not in group]
@@ -218,8 +210,8 @@ def table_of_models(
     for row in trusted:
         # Only trusted modes vouch for others, and none for one that is not driven clearly.
         beside = [neighbour.mode for neighbour in trusted if row.order in neighbour.orders]
-        clear = not row.has_input or is_driven_clearly(row.input_test)
-        if is_short(by_order[row.order].model, beside if clear else [row.mode]):
+        clear = not row.has_input or modal_parts.is_driven_clearly(row.input_test)
+        if modal_parts.is_short(by_order[row.order].model, beside if clear else [row.mode]):
             judged[judged.index(row)] = replace(row, doubts=(FINITE,))
     rows = _with_pairs(judged, by_order, row_of)
     alike = assurances([row.mode.shape for row in rows])
@@ -257,7 +249,7 @@ def with_noise_modes(table: ModeTable, modes: Sequence[Mode], inputs: int) -> Mo
 def _judged(
     order_model: OrderModel,
     group: Mapping[int, int],
-    tests: ModeTests,
+    tests: modal_parts.ModeTests,
     by_order: Mapping[int, OrderModel],
     samples: float,
     outlasts: HeldOutTest,
@@ -273,7 +265,7 @@ def _judged(
         needed = not without <= 1.0  # a smaller model may fail with errors that are not finite
     others = [m for m in by_order.values() if m is not order_model]
     poles = 2 * len(order_model.modes)
-    compared = [m for m in others if m.order in group or pole_count(m.model) > poles]
+    compared = [m for m in others if m.order in group or modal_parts.pole_count(m.model) > poles]
     ending = sorted(by_order)[-PERSISTENT_ORDERS:]
     inside = len(by_order) == 1 or chosen < ending[-1]
     shared = len(group) > 1 and group.keys() >= {m.order for m in compared}
@@ -289,9 +281,9 @@ def _judged(
         needed_by_noise=needed if np.any(mode.noise_participation) else False,
         power_share=power_share,
     )
-    slow = keeps_half(model, mode) and not outlasts.would_show(SIGNIFICANCE)
+    slow = modal_parts.keeps_half(model, mode) and not outlasts.would_show(SIGNIFICANCE)
     behind = outlasts.significant(SIGNIFICANCE) is not False or judged.needed_by_noise or slow
-    finite = not behind or is_short(model, order_model.modes)
+    finite = not behind or modal_parts.is_short(model, order_model.modes)
     reasons = tuple(doubts(judged, model.sampling_rate, samples, finite))
     return replace(judged, doubts=reasons, shape_doubt=shape_doubt(mode))
 
@@ -324,9 +316,9 @@ def doubts(
     a finite one.
     """
     mode, reasons = evidence.mode, []
-    driven = is_driven_clearly(evidence.input_test)
+    driven = modal_parts.is_driven_clearly(evidence.input_test)
     clear = driven and (evidence.confirmed or evidence.stable is not False)
-    lasts = driven or has_known_damping(mode)
+    lasts = driven or modal_parts.has_known_damping(mode)
     decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
     colour = COLOUR_OF_FORCES if shape_doubt(mode) else COLOUR_OF_FORCE
     if mode.damping_ratio > STRONG_DAMPING or mode.frequency_hz > sampling_rate / 2:
