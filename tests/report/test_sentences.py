@@ -11,6 +11,7 @@ import pytest
 from browsing import TEMPLATES, renamed_channels, told
 from covariances import covariance_of_matrix
 
+from evopem.estimation.model_record import Rival
 from evopem.models.modes import Mode
 from evopem.models.polynomial import PolynomialModel
 from evopem.report.numbers import THIN, count, number, percent
@@ -405,6 +406,13 @@ def test_slow_frequencies_count_as_in_a_bode_diagram(results):
     ((off, place),) = re.findall(r"off by up to (\d+).% .*, most at ([\d.]+).Hz", use.reason)
     assert 30.0 < float(off) < 100.0 * np.log(2.0) * 1.25
     assert 0.2 <= float(place) <= 1.0
+    reasons = []
+    for difference in (20.0, 45.0):
+        model = replace(results.model, rival=Rival("oe nb=2 nf=2 nk=1", 0.5, difference))
+        uses = verdict(replace(results, frequency_response=table, model=model)).uses
+        reasons += [use.reason for use in uses if use.name == "the frequency response"]
+    words = "(oe nb=2 nf=2 nk=1, which the data do not tell from it, differs by 45"
+    assert [words in reason for reason in reasons] == [False, True]
 
 
 @pytest.mark.parametrize(

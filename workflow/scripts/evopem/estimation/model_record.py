@@ -85,6 +85,15 @@ class FitRecord:
         return cls(focus, constraints, effect.objective, effect.objective_without, effect.active)
 
 
+@dataclass(frozen=True)
+class Rival:
+    """The model that could have been chosen as well whose response to the inputs differs most."""
+
+    name: str
+    frequency_hz: float  # where most of the difference is
+    percent: float  # root mean square of the difference in the power of the response, octaves alike
+
+
 @dataclass(frozen=True, eq=False)
 class ModelRecord:
     """A model with everything that is known of it."""
@@ -130,6 +139,7 @@ class ModelRecord:
     evopem: str  # version of this package
     versions: dict[str, str]  # versions of the libraries behind the numbers
     continuous: ContinuousRecord | None = None  # the plant in s, where it was asked for
+    rival: Rival | None = None  # of the automatic recipe
 
     @classmethod
     def of(

@@ -261,7 +261,13 @@ def _frequency_response(results: DatasetResults) -> Use:
         text = f"off by up to {percent(off, 2)} where the response is large (95 %), most"
         unknown = "its error is not known where the response is large, as"
         text = text if math.isfinite(off) else unknown
-        findings.append(("care", f"{text} at {number(place, 3)}{THIN}Hz"))
+        text = f"{text} at {number(place, 3)}{THIN}Hz"
+        rival = results.model.rival
+        if rival and rival.percent > GOOD_RESPONSE:
+            where = f"most at {number(rival.frequency_hz, 3)}{THIN}Hz"
+            differs = f"differs by {percent(rival.percent, 2)}, {where}"
+            text += f" ({rival.name}, which the data do not tell from it, {differs})"
+        findings.append(("care", text))
     if results.model.has_input and is_number(error) and error >= USABLE_SIMULATION:
         # What the model leaves out of the response is not in the band.
         words = "it leaves" if results.of_responses else "simulations are off by"
