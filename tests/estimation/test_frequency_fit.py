@@ -230,7 +230,7 @@ def test_responses_and_coherences_of_a_universal_file(tmp_path):
         read_responses(path, asked(("*",), ("9:Z+",), frequency="abscissa"))
 
 
-@pytest.mark.parametrize("form", ["parts", "polar", "complex"])
+@pytest.mark.parametrize("form", ["parts", "polar", "bode", "complex"])
 def test_responses_of_tables(tmp_path, form):
     values = responses_at(FREQUENCIES, 2)[:, :, 0]
     variances = 0.01 + 0.0 * FREQUENCIES
@@ -240,12 +240,13 @@ def test_responses_of_tables(tmp_path, form):
     else:
         columns = {"f [Hz]": FREQUENCIES}
         for name, response in zip(("tip", "mid"), values.T, strict=True):
-            parts = (
-                {"real": response.real, "imag": response.imag, "var": variances}
-                if form == "parts"
-                else {"Magnitude": np.abs(response), "Phase (deg)": np.angle(response, deg=True)}
-            )
-            columns |= {f"{name} {part}": column for part, column in parts.items()}
+            size, angle = np.abs(response), np.angle(response)
+            parts = {
+                "parts": {"real": response.real, "imag": response.imag, "var": variances},
+                "polar": {"Magnitude": size, "Phase (deg)": np.degrees(angle)},
+                "bode": {"Magnitude (dB)": 20.0 * np.log10(size), "Phase [rad]": angle},
+            }
+            columns |= {f"{name} {part}": column for part, column in parts[form].items()}
         pd.DataFrame(columns).to_csv(path, index=False)
     read = read_responses(path, asked(("force",), ("mid", "tip"), frequency="f"))
     np.testing.assert_allclose(read.values[:, :, 0], values[:, ::-1], atol=1e-12)
@@ -253,6 +254,21 @@ def test_responses_of_tables(tmp_path, form):
     assert read.are_absolute == (form == "parts")
     with pytest.raises(InputError, match='"end real" and "end imag", or magnitude and phase'):
         read_responses(path, asked(("force",), ("end",), frequency="f"))
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ({"tip mag": 1.0}, "no columns hold the response of tip to force; name them"),
+        ({"tip re": 1.0, "tip im": 0.0, "tip coh": 99.0}, "frequency 1: a coherence lies outside"),
+    ],
+)
+def test_a_response_without_phase_and_coherences_in_percent_are_refused(tmp_path, columns, said):
+    """They had been taken for a phase of 0 and for coherences of 1."""
+    table = pd.DataFrame({"f (Hz)": FREQUENCIES} | columns)
+    table.to_csv(tmp_path / "frf.csv", index=False)
+    with pytest.raises(InputError, match=said):
+        read_responses(tmp_path / "frf.csv", asked(("force",), ("tip",), frequency="f"))
 
 
 def test_patterns_stand_for_the_responses_of_a_table(tmp_path, capsys):

@@ -20,6 +20,7 @@ from evopem.signals.readers.uff import frequency_functions
 from evopem.signals.recording import numbered
 
 FEWEST = 10  # frequencies, below which nothing is estimated
+MOST_COHERENT = 1.001  # with what rounding adds
 # Lines to either side over which the variances of coherences are averaged.
 SMOOTHED = 3
 _BETWEEN = r"[\s_./:,;()-]+"
@@ -31,7 +32,8 @@ _PARTS = {
     **dict.fromkeys(("coherence", "coh"), "coherence"),
     **dict.fromkeys(("variance", "var"), "variance"),
 }
-"""What a column of a response holds, by the words behind its name; phases in degrees."""
+"""What a column of a response holds, by the words behind its name."""
+_WHOLE = {"complex"}, {"real", "imaginary"}, {"magnitude", "phase"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +133,10 @@ def read_responses(
     shape = -1, len(outputs), len(inputs)
     absolute = variances is not None
     if variances is None and coherence is not None:
+        if (wrong := ((coherence < 0.0) | (coherence > MOST_COHERENT)).any(axis=1)).any():
+            place = f"frequency {int(np.argmax(wrong)) + 1 + (kept.start or 0)}"
+            problem = "a coherence lies outside 0 to 1"
+            raise InputError(str(path), problem, "correct it, or leave its column out", place)
         variances = variances_of(values, coherence)
     values = values.reshape(shape)
     variances = None if variances is None else variances.reshape(shape)
@@ -197,8 +203,7 @@ def _of_columns(path: Path, channels: ChannelSettings) -> Read:
             spelled = ((kind, _plain(f"{head} {word}")) for word, kind in _PARTS.items())
             columns |= {kind: places[plain] for kind, plain in spelled if plain in places}
             columns |= {"complex": names.index(head) + 1} if head in names else {}
-        pair = {"real", "imaginary"} <= columns.keys()
-        if not (pair or columns.keys() & {"complex", "magnitude"}):
+        if not any(parts <= columns.keys() for parts in _WHOLE):
             problem = f"no columns hold the response of {output} to {reference}"
             problem += f", but of {', '.join(there)}" if there else ""
             remedy = f'name them "{output} real" and "{output} imag", or magnitude and phase'
@@ -209,10 +214,14 @@ def _of_columns(path: Path, channels: ChannelSettings) -> Read:
             raise InputError(str(path), f"a column of {output} holds text", "repair it")
         if "complex" in parts:
             values = parts["complex"].astype(complex)
-        elif "real" in parts:
+        elif _WHOLE[1] <= parts.keys():
             values = parts["real"] + 1j * parts["imaginary"]
         else:
-            values = parts["magnitude"] * np.exp(1j * np.pi / 180.0 * parts.get("phase", 0.0))
+            magnitude, phase = parts["magnitude"], parts["phase"]
+            units = {kind: part.unit.lower() for kind, part in zip(columns, read, strict=True)}
+            magnitude = 10.0 ** (magnitude / 20.0) if units["magnitude"] == "db" else magnitude
+            phase = phase if units["phase"].startswith("rad") else np.radians(phase)
+            values = magnitude * np.exp(1j * phase)
         responses.append((frequencies, values, parts.get("coherence"), parts.get("variance"), ""))
     return responses, outputs, inputs
 
