@@ -44,12 +44,18 @@ def test_finite_responses_have_no_models_whose_modes_are_compared_by_order(candi
 
 # Held-out errors over those of the compared model, and the deviation of the folds.
 @pytest.mark.parametrize(
-    ("worse", "spread", "taken"),
-    [(1.0, 0.0, True), (1.3, 0.0, False), (1.08, 0.1, True), (1.3, 0.3, False)],
-    ids=["as good", "worse", "worse by chance", "worse, of folds that differ much"],
+    ("worse", "spread", "at_bound", "taken"),
+    [
+        (1.0, 0.0, False, True),
+        (1.3, 0.0, False, False),
+        (1.08, 0.1, False, True),
+        (1.3, 0.3, False, False),
+        (0.9, 0.0, True, False),
+    ],
+    ids=["as good", "worse", "worse by chance", "worse, of folds that differ much", "at the bound"],
 )
 def test_a_searched_model_that_simulates_worse_is_left(
-    candidate, monkeypatch, worse, spread, taken
+    candidate, monkeypatch, worse, spread, at_bound, taken
 ):
     recording, record, scorer, choice = candidate
     compared = chosen_model.estimate_candidate(
@@ -58,7 +64,8 @@ def test_a_searched_model_that_simulates_worse_is_left(
     )
     estimate = compared.estimate
     found_lower = replace(estimate.search, value=0.9 * estimate.search.value)
-    searched = replace(compared, estimate=replace(estimate, search=found_lower))
+    lower = replace(estimate, search=found_lower, at_stability_bound=at_bound)
+    searched = replace(compared, estimate=lower)
     monkeypatch.setattr(
         *(chosen_model, "estimate_candidate"),
         lambda *given, **_: compared if given[3].evaluations == 0 else searched,

@@ -303,13 +303,18 @@ def _about_search(
     scores = [float(getattr(scores, kind)) for scores in (judged.scores, known)]
     does = "predicted one step ahead" if kind == "prediction" else "simulated"
     fell = compared.estimate.search.value - result.estimate.search.value
-    kept = ": worse by a tenth or two standard errors, so that the compared model is kept."
+    # Simulations with a root at the bound draw waves as long as a held-out block, and grow beyond.
+    at_bound = [model.estimate.at_stability_bound for model in (result, compared)]
+    grows = at_bound == [True, False] and choice.kind != "prediction"
+    why = "worse by a tenth or two standard errors" * bool(worse)
+    why = why or "with a root at the stability bound, unlike before" * grows
     sentence = (
         f"The objective of {name} fell by {fell:.2g} in the search; held-out samples are {does}"
-        f" with {scores[0]:.3g} % instead of {scores[1]:.3g} %{kept if worse else '.'}"
+        f" with {scores[0]:.3g} % instead of {scores[1]:.3g} %"
+        f"{f': {why}, so that the compared model is kept' if why else ''}."
     )
     alternatives = (Alternative(SEARCHED, scores[0]), Alternative(COMPARED, scores[1]))
-    return Decision(SUBJECT, COMPARED if worse else SEARCHED, alternatives, criterion, sentence)
+    return Decision(SUBJECT, COMPARED if why else SEARCHED, alternatives, criterion, sentence)
 
 
 def window_of(orders: Orders) -> ScoringWindow:

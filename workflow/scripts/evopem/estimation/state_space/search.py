@@ -192,10 +192,11 @@ def rungs(
     yield from reached[yielded:]
 
 
-# Multiplications of one evaluation from which on a search only descends from estimates, with an
-# input and without one, and those that a whole search may take.
-HEAVY, HEAVY_ALONE, BUDGET = 1e9, 1e8, 1e11
-LEAST_EVALUATIONS, MOST_EVALUATIONS = 500, 8000
+# Multiplications that a whole search may take, and its evaluations.
+BUDGET, LEAST_EVALUATIONS, MOST_EVALUATIONS = 1e11, 500, 8000
+# Those of one evaluation from which on a search only descends from estimates, with an input, where
+# fewer evaluations are left, and without one.
+HEAVY, HEAVY_ALONE = BUDGET / LEAST_EVALUATIONS, 1e8
 # Estimates of each order that are descended from on the way to a larger order, and for the order
 # itself.
 WIDTH, FINAL_WIDTH = 3, 8
