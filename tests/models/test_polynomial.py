@@ -5,7 +5,7 @@ import pytest
 from scipy import signal
 
 from evopem.models.orders import STRUCTURES, Orders, orders_of
-from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial import PolynomialModel, state_space_of
 
 ONE = np.ones(1)
 MODEL = PolynomialModel(
@@ -107,6 +107,15 @@ def test_responses_are_scipys():
     _, (step,) = signal.dstep(plant, n=40)
     np.testing.assert_allclose(MODEL.impulse_response(40)[:, 0], impulse, atol=1e-9)
     np.testing.assert_allclose(MODEL.step_response(40)[:, 0], step, atol=1e-9)
+
+
+@pytest.mark.parametrize("model", [MODEL, state_space_of(MODEL)])
+def test_a_response_above_half_the_sampling_rate_is_warned_of(model, recwarn):
+    """As of a model of a recording that was resampled, whose signals reach higher."""
+    model.frequency_response([0.0, 25.0])
+    assert not list(recwarn)
+    with pytest.warns(UserWarning, match="30 Hz is above half the sampling rate of the model, 25"):
+        model.frequency_response([1.0, 30.0])
 
 
 def test_poles_and_zeros_of_plant_and_noise():

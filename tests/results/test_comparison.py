@@ -96,8 +96,8 @@ def test_other_validation_samples_are_noticed(results):
 @pytest.mark.parametrize(
     ("number", "labels", "sentence"),
     [
-        (1, (), "compare: there are 1 models; give 2 to 6 of them."),
-        (7, (), "compare: there are 7 models; give 2 to 6 of them."),
+        (1, (), "compare: the number of models is 1; give 2 to 6 of them."),
+        (7, (), "compare: the number of models is 7; give 2 to 6 of them."),
         (2, ("a", "a"), "labels: they are not one for each model, all different"),
     ],
 )

@@ -137,6 +137,13 @@ def test_a_second_run_that_fails_or_is_stopped_leaves_the_results_of_the_first(
     assert not list(results.glob(".writing-*"))
 
 
+def test_a_configuration_that_decides_nothing_is_refused(folder, handed_over, capsys):
+    Path("top.yaml").write_text("structure: arx\n")
+    assert code_of([*RUN[:-1], "top.yaml"]) == 1
+    assert "top.yaml: it has no `defaults:`, which alone count" in capsys.readouterr().err
+    assert handed_over == []
+
+
 def test_two_runs_do_not_write_the_same_results_at_once(folder, handed_over, capsys):
     """The second one deleted what the first one had made, which ended in a traceback."""
     results = folder / "results" / "data"

@@ -68,7 +68,7 @@ def test_set_ups_of_one_structure_are_merged_on_the_page(folders, capsys):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["results/a"], "compare: there are 1 models; give 2 to 6 of them."),
+        (["results/a"], "compare: the number of models is 1; give 2 to 6 of them."),
         (["results/a", "results/c"], "results/c: holds no results of a data set;"),
     ],
 )

@@ -3,19 +3,29 @@
 Monic ones are given by their coefficients after the leading 1.
 """
 
+import warnings
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from evopem.arrays import Array, Complex
 from evopem.models.parameter_covariance import ParameterCovariance
 
+HALF = 0.5 + 1e-9
+"""Of the sampling rate, with what rounding adds."""
 # 95 % points of chi-square with one and two degrees of freedom.
 CHI_SQUARE_95 = {1: 3.841458820694124, 2: 5.991464547107979}
 
 
 def on_circle(frequencies: ArrayLike, sampling_rate: float) -> Complex:
-    """Points of the unit circle of the z plane at frequencies in Hz, of their shape."""
+    """Points of the unit circle of the z plane at frequencies in Hz, of their shape.
+
+    Warns of frequencies above half the sampling rate, where a response repeats that below.
+    """
     angles = np.asarray(frequencies, dtype=float) / sampling_rate
+    if (highest := float(np.max(np.abs(angles), initial=0.0))) > HALF:
+        problem = f"{highest * sampling_rate:g} Hz is above half the sampling rate of the model"
+        warnings.warn(f"{problem}, {sampling_rate / 2:g} Hz: its response repeats", stacklevel=3)
     return np.asarray(np.exp(2j * np.pi * angles), dtype=complex)
 
 

@@ -82,7 +82,7 @@ class Comparison:
         that cannot be merged; these may be more, and have common inputs instead.
         """
         if len(results) < 2 or (len(results) > MOST and not setups):
-            problem = f"there are {len(results)} models"
+            problem = f"the number of models is {len(results)}"
             raise InputError("compare", problem, f"give 2 to {MOST} of them")
         chosen = tuple(labels) or _labels(results)
         if len(chosen) != len(results) or len(set(chosen)) != len(chosen):

@@ -329,6 +329,9 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings:
             raise InputError(arguments.config, "there is no such file", remedy)
         check_yaml_files([arguments.config])
         written = yaml.safe_load(Path(arguments.config).read_text(encoding="utf-8"))
+        if "defaults" not in written:
+            remedy = "write the keys of the analysis under `defaults:`"
+            raise InputError(arguments.config, "it has no `defaults:`, which alone count", remedy)
         content |= {key: value for key, value in written.items() if key == "defaults" and value}
     with _options_for_keys(name):
         return complete(content, arguments.config or "evopem").datasets[name]
