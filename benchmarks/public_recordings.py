@@ -27,7 +27,7 @@ from evidence import write_section
 from recordings_of_others import Record, reserved, second, seen, third
 from recordings_of_others_later import fifth, fourth, sixth
 from recordings_of_others_latest import eighth, ninth, seventh, tenth
-from recordings_of_others_newest import eleventh, twelfth
+from recordings_of_others_newest import eleventh, thirteenth, twelfth
 
 import evopem
 from evopem.automatic.cross_validation.simulation import errors_simulated_on
@@ -51,6 +51,7 @@ SETS: dict[str, tuple[Callable[[Path], Iterator[Record]], str, str]] = {
     "tenth": (tenth, ", tenth set", "None was in view when any rule was made"),
     "eleventh": (eleventh, ", eleventh set", "None was in view when any rule was made"),
     "twelfth": (twelfth, ", twelfth set", "None was in view when any rule was made"),
+    "thirteenth": (thirteenth, ", thirteenth set", "None was in view when any rule was made"),
 }
 
 

@@ -45,6 +45,33 @@ run on any:
 - iotctrl/iotctrl-results (MIT): of ``csv/VP`` the files ``MFC-lambda30alpha9-test2.csv`` and
   ``Cascade-Quasi-R.csv`` (motor under feedback: voltage, and its tachometer, samples 2650 to 4050
   and 5600 to 7000 of the first run, or its place in the second run).
+
+The set ``thirteenth`` is for one measurement at the end: 8 recordings of other sources than those
+of the sets before, two of several inputs, chosen by plots and documents and split before anything
+was run on any:
+
+- antonior92/MultipleShootingPEM.jl (MIT): of ``examples/ex2/processed_data`` the files
+  ``training_set.csv`` and ``test_set.csv`` (level process station LabVolt 3503: voltage in steps of
+  random height, level; two experiments);
+- Barkiegitter/system_identification (none): of ``RPA3 trials`` the files ``yxrsa.csv`` and
+  ``prdid.csv`` (patrol vessel in the port of Rotterdam that somebody steers: angle of its rudder,
+  rate of turn as the heading gained in a second, logged at intervals that vary and read at 1 Hz;
+  seconds 470 to 1890, in which no message is missing for more than two);
+- Andy1978/Brautomat (GPL-3): ``Wasser20l.log`` of ``GUI`` (kettle of a brewery with 20 litres of
+  water that a relay heats in steps of the reference: heater, temperature, read every five seconds);
+- linklab-uva/deep-dynamics (GPL-3): ``Putnam_park2023_run4_2.csv`` of ``deep_dynamics/data``
+  (racing car AV-21 of the Indy Autonomous Challenge with its autopilot: throttle and brake, speed,
+  every fifth sample of 6000 to 11900; steering angle, rate of yaw, every fifth sample of 1500 to
+  11900, while its speed varies);
+- mitchallain/BeagleBone-excavator (none): ``manual_mitch_1102_1814.csv`` of
+  ``jupyter/ML/trial_data`` and ``manual_orlando_1102_1405.csv`` of ``tests/data`` (model of an
+  excavator that somebody moves: command and place of the cylinder of its bucket, which has ends, in
+  the first file, command and angle of its swing in the second, logged at intervals that vary and
+  read at 10 Hz);
+- LuisM78/Reconstruction_of_indoor_temperatures (none; Candanedo, Feldheim and Deramaix 2018):
+  ``energy_weather_temp.zip`` (passive house by the hour from 2016-11-15: energies of the heater and
+  of the appliances, temperature outdoors, temperature of the first room; missing values are
+  interpolated).
 """
 
 from __future__ import annotations
@@ -55,7 +82,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from recordings_of_others import PLAIN, Record, columns_of, content_of, first_samples_of
+from recordings_of_others import CSV, PLAIN, Record, columns_of, content_of, first_samples_of
 
 FORCES = ["left_force", "right_force"]
 
@@ -139,3 +166,58 @@ def twelfth(folder: Path) -> Iterator[Record]:
             ("place of a motor", lambda: motor(runs[1], "VP", slice(2000)), 1300, 700, 50.0),
         )
     )
+
+
+def thirteenth(folder: Path) -> Iterator[Record]:
+    """Recordings for one measurement at the end: 8, of one output; two have several inputs."""
+    table = partial(columns_of, folder)
+
+    def vessel() -> list[np.ndarray]:
+        second = np.arange(470.0, 1890.0)
+        rudder = sentences(folder / "yxrsa.csv", 1)
+        times, heading = sentences(folder / "prdid.csv", 3)
+        turned = np.interp(second, times, np.unwrap(heading, period=360.0))
+        return [np.interp(second, *rudder)[1:], np.diff(turned)]
+
+    def kettle() -> list[np.ndarray]:
+        rows = np.loadtxt(folder / "Wasser20l.log")
+        times = rows[:, 0] - rows[0, 0] + rows[:, 1] / 1e6
+        return [np.interp(np.arange(0.0, 6400.0, 5.0), times, rows[:, k]) for k in (6, 2)]
+
+    def car(first: int, output: str, *inputs: str) -> list[np.ndarray]:
+        rows = pd.read_csv(folder / "Putnam_park2023_run4_2.csv")[first::5]
+        return [rows[list(inputs)].to_numpy().squeeze(), rows[output].to_numpy()]
+
+    def excavator(trial: str, part: str, last: float) -> list[np.ndarray]:
+        rows = pd.read_csv(folder / f"manual_{trial}.csv")
+        moments = np.arange(0.1, last, 0.1)
+        return [np.interp(moments, rows["Time"], rows[f"{part} {key}"]) for key in ("Cmd", "Ms")]
+
+    def house() -> list[np.ndarray]:
+        rows = pd.read_csv(folder / "energy_weather_temp.zip", index_col=0, skipinitialspace=True)
+        rows.index = pd.to_datetime(rows.index)
+        hours = rows["2016-11-15":].resample("1h").mean().interpolate()
+        return [hours[["ElectricHeater", "Appliances", "T_out"]].to_numpy(), hours["T1"].to_numpy()]
+
+    levels = ("training_set.csv", "test_set.csv")
+    pedals, turn = ("throttle_ped_cmd(%)", "brake_ped_cmd(kPa)"), ("omega(rad/s)", "delta(rad)")
+    yield from first_samples_of(
+        (
+            ("level", lambda: table(levels, 1, 2, **CSV), 711, 359, 0.1),
+            ("patrol vessel", vessel, 850, 569, 1.0),
+            ("kettle", kettle, 860, 420, 0.2),
+            ("racing car ahead", lambda: car(6000, "vx(m/s)", *pedals), 780, 400, 5.0),
+            ("racing car that turns", lambda: car(1500, *turn), 1400, 680, 5.0),
+            ("bucket", lambda: excavator("mitch_1102_1814", "Bucket", 90.8), 600, 307, 10.0),
+            ("swing", lambda: excavator("orlando_1102_1405", "Swing", 183.5), 1200, 634, 10.0),
+            ("passive house", house, 1240, 632, 1 / 3600),
+        )
+    )
+
+
+def sentences(file: Path, field: int) -> tuple[np.ndarray, np.ndarray]:
+    """Seconds and one field of a log of NMEA sentences, of which some are there several times."""
+    rows = pd.read_csv(file).drop_duplicates("timestamp").sort_values("timestamp")
+    times = pd.to_datetime(rows["timestamp"]) - pd.Timestamp("2019-11-13 11:52:30")
+    values = rows["content"].str.split(",").str[field].astype(float)
+    return times.dt.total_seconds().to_numpy(), values.to_numpy()
