@@ -615,6 +615,10 @@ def test_a_failed_test_of_the_class_says_when_and_what_kind(good):
     assert "on polynomials in time" in said("Constant in time", constant=failed, period=0.0)
     powers = (0.01, 0.02, 0.01, 0.3)
     assert "Cubes of the inputs" in said("Linear", linear=failed, powers=powers)
+    assert "cubes of the response and of the inputs:" in said("Linear")
+    for name in ("Linear", "Constant in time"):
+        statement = good.with_("validation", inputs=[]).check(name).statement
+        assert "of the output before:" in statement or "by the output before:" in statement
 
 
 @pytest.mark.parametrize(("error", "noise"), [(1e-12, False), (1e-6, True), (math.nan, True)])

@@ -251,7 +251,8 @@ def _frequency_response(results: DatasetResults) -> Use:
     table = results.responses[results.responses["source"] == results.model_source[0]]
     errors = response_errors(table, results.lowest_hz if results.model.has_input else 0.0)
     half, off, place = float(np.max([e.half_band for e in errors])), *max(e[1:] for e in errors)
-    least = ", of the least known pair" if len(results.pairs) > 1 else ""
+    least = f", of the least known {'pair' if results.model.has_input else 'output'}"
+    least = least if len(results.pairs) > 1 else ""
     text = f"gain ±{percent(half, 2)} (95 % band, median over frequency{least})"
     if not half <= 100.0:
         wide = f"is wider than the gain itself at half of the frequencies or more{least}"

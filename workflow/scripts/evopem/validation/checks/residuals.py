@@ -198,7 +198,8 @@ def constant_in_time(evidence: Evidence) -> Found:
     if (period := tests.period / evidence.model.sampling_rate) > 0.0:
         reason = f" The change comes back about every {period:.3g} s."
     forms = "polynomials" if period == 0.0 else "polynomials or waves"
-    return _of_class(tests.constant, f"{forms} in time multiplied by the response", reason)
+    known = "response" if evidence.validation.inputs else "output before"
+    return _of_class(tests.constant, f"{forms} in time multiplied by the {known}", reason)
 
 
 @check(
@@ -211,7 +212,8 @@ def linear(evidence: Evidence) -> Found:
     """No squares and cubes of the response and of the inputs in the residuals."""
     tests = evidence.validation.model_class
     reason = f" {KINDS[tests.powers.index(max(tests.powers))]}" if tests.powers else ""
-    return _of_class(tests.linear, "squares and cubes of the response and of the inputs", reason)
+    known = "response and of the inputs" if evidence.validation.inputs else "output before"
+    return _of_class(tests.linear, f"squares and cubes of the {known}", reason)
 
 
 @check(
