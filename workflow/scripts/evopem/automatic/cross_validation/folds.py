@@ -280,8 +280,9 @@ def held_out_scores(
     scale = np.mean(np.abs(centred), axis=0) if absolute else np.std(outputs, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     shortest = min(SHORTEST_BLOCK, total_samples(stretches) // 4)
+    inputs = np.concatenate([stretch.inputs for stretch in stretches])
     # As of a record for validation: a longer past tells the state of slow poles too well.
-    lead_in = max(first_samples(total_samples(stretches)), int(np.ceil(plan.shortest)))
+    lead_in = max(first_samples(len(inputs)), int(np.ceil(plan.shortest)))
     designs, training = [], []
     for design in plan.designs:
         edges = _response_edges(stretches, design[0]) if plan.by_energy else None
@@ -292,7 +293,7 @@ def held_out_scores(
         for fold in folds:
             parts = list(zip(fold.before, fold.held_out, strict=True))
             parts = [part for part in parts if part[0].samples or not has_past]
-            parts = [with_lead_in(*part, lead_in, plan.shortest) for part in parts]
+            parts = [with_lead_in(*part, lead_in, plan.shortest, inputs) for part in parts]
             # A rest of a stretch tells little, and fewer samples before than a delay no state.
             parts = [p for p in parts if min(s.samples for s in p) >= plan.shortest] or parts
             scored += [parts] if parts else []

@@ -89,13 +89,16 @@ def folds_of(
 
 
 def with_lead_in(
-    before: Segment, held_out: Segment, lead_in: int, shortest: float
+    before: Segment, held_out: Segment, lead_in: int, shortest: float, inputs: Array
 ) -> tuple[Segment, Segment]:
     """The last samples before, at most as many as the lead-in of a whole record, and those to be
     scored: where the first are fewer than the shortest that determine a state, the first held-out
-    ones are of them, if enough are left."""
+    ones are of them, if enough are left.  All before, where one of the ``inputs`` of the record
+    rests in the last ones: states that it moved earlier are larger than these make them."""
     if before.samples > lead_in:
-        return before.between(before.samples - lead_in, before.samples), held_out
+        last = before.between(before.samples - lead_in, before.samples)
+        power = np.mean((last.inputs - inputs.mean(axis=0)) ** 2, axis=0)
+        return last if (power >= LEAST_POWER * inputs.var(axis=0)).all() else before, held_out
     missing = int(np.ceil(shortest)) - before.samples
     if not before.samples or missing <= 0 or held_out.samples < missing + shortest:
         return before, held_out
