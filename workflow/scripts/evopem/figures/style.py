@@ -18,6 +18,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from evopem.arrays import Array, Indices
+from evopem.validation.checks.check import superscript
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -214,11 +215,6 @@ def stems(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     gap, zero = np.full(x.size, np.nan), np.zeros(x.size)
     return np.column_stack([x, x, gap]).ravel(), np.column_stack([zero, y, gap]).ravel()
-
-
-def superscript(power: int) -> str:
-    """A power as superscript digits."""
-    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def power_of_ten(value: float, _position: float | None = None) -> str:

@@ -7,10 +7,9 @@ import math
 from collections.abc import Sequence
 from typing import TypeGuard
 
-from evopem.figures.style import superscript
 from evopem.models.modes import Mode
 from evopem.results.fleet import mode_values
-from evopem.validation.checks.check import whole
+from evopem.validation.checks.check import superscript, whole
 
 THIN = "\u202f"  # narrow no-break space, between a number and its unit
 FIRM = "\u00a0"  # no-break space, inside a number

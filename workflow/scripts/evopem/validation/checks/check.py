@@ -91,6 +91,11 @@ def p_text(value: float) -> str:
     return "p < 0.0001" if value < 1e-4 else f"p = {value:.2g}"
 
 
+def superscript(power: int) -> str:
+    """A power as superscript digits."""
+    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
 def whole(value: int) -> str:
     """A whole number with its thousands set apart, by narrow no-break spaces."""
     return f"{value:,}".replace(",", "\u202f")
