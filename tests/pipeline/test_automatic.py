@@ -19,6 +19,7 @@ from evopem.errors import InputError, LostModelError, NoModelError
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 from evopem.models.polynomial import PolynomialModel
+from evopem.models.response_tables import furthest_rival
 from evopem.pipeline import complete_model
 from evopem.pipeline.identification import identify_dataset, jobs
 from evopem.pipeline.structure_search import errors_name_dataset
@@ -151,13 +152,10 @@ def test_the_rival_is_the_model_whose_response_differs_most():
         return PolynomialModel([1.0, -2.0 * pole.real, abs(pole) ** 2], [1.0], nk=1)
 
     models = [resonance(damping) for damping in (1.6, 1.59, 1.3)]
-    rival = complete_model.furthest(["chosen", "near", "far"], models, 1000)
+    rival = furthest_rival(["chosen", "near", "far"], models, 1000)
     assert rival.name == "far"
     gains = np.abs([model.frequency_response([rival.frequency_hz])[0, 0, 0] for model in models])
     assert gains[0] == max(gains)  # at the resonance of the chosen one
     assert rival.percent > 50.0
-    assert complete_model.furthest(["chosen"], models[:1], 1000) is None
-    assert (
-        complete_model.furthest(["chosen", "other"], [PolynomialModel([1.0, -0.5], ())] * 2, 1000)
-        is None
-    )
+    assert furthest_rival(["chosen"], models[:1], 1000) is None
+    assert furthest_rival(["chosen", "other"], [PolynomialModel([1.0, -0.5], ())] * 2, 1000) is None

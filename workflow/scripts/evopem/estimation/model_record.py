@@ -27,6 +27,7 @@ from evopem.models.conversions import plant_of
 from evopem.models.modes import Mode
 from evopem.models.orders import Orders
 from evopem.models.polynomial import Model, PolynomialModel, state_space_of
+from evopem.models.response_tables import Rival
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.prepared_data import Transforms
 from evopem.signals.recording import Recording
@@ -83,15 +84,6 @@ class FitRecord:
             in_focus = estimate.focus_objective
             return cls(focus, constraints, np.nan if in_focus is None else in_focus, None, ())
         return cls(focus, constraints, effect.objective, effect.objective_without, effect.active)
-
-
-@dataclass(frozen=True)
-class Rival:
-    """The model that could have been chosen as well whose response to the inputs differs most."""
-
-    name: str
-    frequency_hz: float  # where most of the difference is
-    percent: float  # root mean square of the difference in the power of the response, octaves alike
 
 
 @dataclass(frozen=True, eq=False)

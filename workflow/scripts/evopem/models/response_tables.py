@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -29,6 +30,7 @@ SETTLED = 1e-3
 FEWEST_SAMPLES, MOST_SAMPLES = 50, 1000
 UNKNOWN = np.full((1, 1, 1), np.nan)
 BLOCK = 2_000_000  # derivatives of responses that are computed at a time
+OF_RIVALS = 200  # frequencies at which responses of rivals are compared
 
 
 def shaped_modes_table(
@@ -227,6 +229,36 @@ def frequency_response_table(
     of_noise = response_columns(_of_itself(model.noise_response(frequencies)), *bands)
     columns |= {f"noise_{name}": values for name, values in of_noise.items()}
     return by_pair(outputs, inputs, "frequency_hz", frequencies, columns)
+
+
+@dataclass(frozen=True)
+class Rival:
+    """The model that could have been chosen as well whose response to the inputs differs most."""
+
+    name: str
+    frequency_hz: float  # where most of the difference is
+    # Root mean square of the logarithm of the ratio of both, in the power of the response, octaves
+    # alike
+    percent: float
+
+
+def furthest_rival(names: Sequence[str], models: Sequence[Model], samples: int) -> Rival | None:
+    """The model whose response is farthest from that of the first one; None of one, or no inputs.
+
+    From the frequency of one period in some samples on.
+    """
+    rate = models[0].sampling_rate
+    frequencies = np.geomspace(rate / samples, rate / 2.0, OF_RIVALS)
+    with np.errstate(all="ignore"):
+        responses = np.array([model.frequency_response(frequencies) for model in models])
+        power, ratios = np.abs(responses[0]) ** 2, np.log(responses[1:] / responses[0])
+        shares = np.nan_to_num(power / power.sum(axis=0) * np.abs(ratios) ** 2, posinf=0.0)
+    squares = shares.sum(axis=1)
+    if not squares.any():
+        return None
+    place, *pair = np.unravel_index(np.argmax(squares), squares.shape)
+    frequency = float(frequencies[np.argmax(shares[place][:, *pair])])
+    return Rival(names[1 + int(place)], frequency, 100.0 * float(np.sqrt(squares.max())))
 
 
 def by_pair(

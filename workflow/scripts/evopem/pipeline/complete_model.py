@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
-import numpy as np
-
 from evopem.arrays import one_blas_thread
 from evopem.automatic.chosen_model import estimate_choice, searches_of
 from evopem.automatic.decision import Decision
@@ -24,7 +22,7 @@ from evopem.config.settings import (
 from evopem.config.structures import OF_SIMULATION
 from evopem.errors import InputError, NoModelError
 from evopem.estimation.continuous import in_continuous_time
-from evopem.estimation.model_record import LevelOfSimulation, ModelRecord, Rival
+from evopem.estimation.model_record import LevelOfSimulation, ModelRecord
 from evopem.estimation.order_candidate import PhaseSelection
 from evopem.estimation.order_selection import complete_estimate
 from evopem.estimation.search.problem import Log
@@ -32,14 +30,15 @@ from evopem.files.atomic import write_table
 from evopem.files.json_form import load, load_shared, save
 from evopem.models.mode_matching import with_spread
 from evopem.models.polynomial import Model, save_model_mat
-from evopem.models.response_tables import frequency_response_table, time_response_table
+from evopem.models.response_tables import (
+    frequency_response_table,
+    furthest_rival,
+    time_response_table,
+)
 from evopem.pipeline.structure_search import Scored, errors_name_dataset
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import load_prepared
 from evopem.signals.recording import Recording
-
-FREQUENCIES = 200
-"""At which responses are compared."""
 
 
 def _record_of(
@@ -150,7 +149,7 @@ def complete_model(
             record = replace(record, modes=with_spread(record.modes, spread))
             names = [candidate.name for candidate in known]
             with one_blas_thread():
-                rival = furthest(names, rivals, scored.prepared.estimation.longest.samples)
+                rival = furthest_rival(names, rivals, scored.prepared.estimation.longest.samples)
             record = replace(record, rival=rival)
             models: dict[tuple[str, str], ModelRecord] = {}
             for purpose in others:
@@ -167,27 +166,6 @@ def complete_model(
             of_plant = record.plant if record.orders is None else record.polynomials.plant()
             record = replace(record, continuous=in_continuous_time(of_plant, data, hold, search))
         write_model(files, record, rivals)
-
-
-def furthest(names: Sequence[str], models: Sequence[Model], samples: int) -> Rival | None:
-    """The model whose response is farthest from that of the first one; None of one, or no inputs.
-
-    From the frequency of one period in some samples on; by the logarithm of the ratio of both.
-    """
-    rate = models[0].sampling_rate
-    frequencies = np.geomspace(rate / samples, rate / 2.0, FREQUENCIES)
-    with np.errstate(all="ignore"):
-        responses = np.array([model.frequency_response(frequencies) for model in models])
-        power, ratios = np.abs(responses[0]) ** 2, np.log(responses[1:] / responses[0])
-        shares = np.nan_to_num(power / power.sum(axis=0) * np.abs(ratios) ** 2, posinf=0.0)
-    squares = shares.sum(axis=1)
-    if not squares.any():
-        return None
-    place, *pair = np.unravel_index(np.argmax(squares), squares.shape)
-    at = np.argmax(shares[place][:, *pair])
-    return Rival(
-        names[1 + int(place)], float(frequencies[at]), 100.0 * float(np.sqrt(squares.max()))
-    )
 
 
 def write_model(files: DatasetFiles, record: ModelRecord, rivals: Sequence[Model] = ()) -> None:
