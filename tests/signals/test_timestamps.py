@@ -157,7 +157,9 @@ def test_the_unit_that_a_file_states(unit, seconds):
 
 def test_two_units_that_contradict_each_other():
     stamps = 0.5 + 10.0 * np.arange(100)
-    with pytest.raises(InputError, match=r'states the unit "s" .* name states "ms"'):
+    with pytest.raises(
+        InputError, match=r'states the unit "s" .* name states "ms"; set time_unit to ms or s'
+    ):
         rate(stamps, name="time_ms", unit="s")
     assert rate(stamps, name="time_ms", unit="s", time_unit="ms") == 100.0
 
@@ -194,6 +196,8 @@ def test_days_of_spreadsheets_and_matlab_are_not_taken_for_seconds(first):
     ):
         rate(stamps)
     assert rate(stamps, time_unit="d") == pytest.approx(200.0, rel=1e-6)
+    with pytest.raises(InputError, match=r"may be days \(0\.0166667 Hz\) or seconds \(1440 Hz\)"):
+        rate(first + np.round(np.arange(300) / 1440.0, 6))  # of a logger, once a minute
     assert rate(first + np.arange(2000) / 1000.0) == pytest.approx(1000.0)  # seconds of a day
 
 

@@ -60,6 +60,9 @@ def test_what_is_not_certain_is_left_to_the_user(tmp_path):
     assert "# sampling_rate: 100  # Hz; to be set: the file states none" in text
     assert "# time_unit: ms  # to be set: the time stamps are whole numbers" in text
     assert settings_of(text)["counted"].source.channels.time == "tick"
+    text = (tmp_path / "counted.csv").read_text().replace("tick,", "time_ms [s],")
+    (tmp_path / "both.csv").write_text(text)  # which of both units holds is to be chosen
+    assert "# time_unit: ms  # to be set: the file states" in configuration_text(tmp_path)
 
 
 def test_a_named_time_that_is_not_even_is_no_signal(tmp_path):

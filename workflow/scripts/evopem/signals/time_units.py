@@ -65,7 +65,7 @@ def stated_unit(name: str, unit: str, source: str, place: str) -> str | None:
     units = {_UNIT_OF[text] for text in stated}
     if len(units) > 1:
         problem = f'the file states the unit "{unit}" for a channel whose name states "{in_name}"'
-        raise InputError(source, problem, "set time_unit to the right one", place)
+        raise InputError(source, problem, f"set time_unit to {' or '.join(sorted(units))}", place)
     return units.pop() if units else None
 
 

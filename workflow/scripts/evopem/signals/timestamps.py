@@ -21,6 +21,8 @@ _DAYS_2000, _DAYS_OF_A_CENTURY = (36526, 730486), 36525
 """Days at the beginning of the year 2000, as spreadsheets and MATLAB count them."""
 _LARGEST_STEP_OF_DAYS = 1e-4
 """Smaller steps from such a number on are rather days, 8 s apart at most, than of 10 kHz."""
+_STEPS_OF_LOGGERS = np.array([10, 15, 20, 30, 60, 120, 300, 600, 900, 1800, 3600]) / 86400.0
+"""So are these, in days: 10 s to an hour."""
 _LARGEST_UPTIME = 1e18
 """Whole numbers from here on are nanoseconds since 1970: they would be 31 years of uptime."""
 
@@ -232,7 +234,8 @@ def _scale(
     if not np.array_equal(ticks, np.round(ticks)):
         begun = float(ticks[0])
         days = any(first < begun < first + _DAYS_OF_A_CENTURY for first in _DAYS_2000)
-        if stated_rate is None and days and step < _LARGEST_STEP_OF_DAYS:
+        usual = np.abs(step / _STEPS_OF_LOGGERS - 1.0).min() < RATE_TOLERANCE
+        if stated_rate is None and days and (step < _LARGEST_STEP_OF_DAYS or usual):
             rates = f"days ({1.0 / (step * TIME_UNITS['d']):g} Hz) or seconds ({1.0 / step:g} Hz)"
             problem = f"the time stamps, {begun:.9g} at first and {step:.3g} apart, may be {rates}"
             raise InputError(named.source, problem, "set time_unit to d or s", named.place)

@@ -33,6 +33,7 @@ _PARTS = {
     **dict.fromkeys(("variance", "var"), "variance"),
 }
 """What a column of a response holds, by the words behind its name."""
+_DECIBELS, _RADIANS = (re.compile(text, re.I) for text in (r"\bdB", r"\brad(ians?)?\b"))
 _WHOLE = {"complex"}, {"real", "imaginary"}, {"magnitude", "phase"}
 
 
@@ -218,9 +219,15 @@ def _of_columns(path: Path, channels: ChannelSettings) -> Read:
             values = parts["real"] + 1j * parts["imaginary"]
         else:
             magnitude, phase = parts["magnitude"], parts["phase"]
-            units = {kind: part.unit.lower() for kind, part in zip(columns, read, strict=True)}
-            magnitude = 10.0 ** (magnitude / 20.0) if units["magnitude"] == "db" else magnitude
-            phase = phase if units["phase"].startswith("rad") else np.radians(phase)
+            # Units that are spelled otherwise, "(dB re 1 N)" or "(Radians)", are in the name alone.
+            headings = (names[place - 1] for place in columns.values())
+            units = {
+                kind: f"{part.unit} {heading.removeprefix(split_heading(heading)[0])}"
+                for kind, heading, part in zip(columns, headings, read, strict=True)
+            }
+            if _DECIBELS.search(units["magnitude"]):
+                magnitude = 10.0 ** (magnitude / 20.0)
+            phase = phase if _RADIANS.search(units["phase"]) else np.radians(phase)
             values = magnitude * np.exp(1j * phase)
         responses.append((frequencies, values, parts.get("coherence"), parts.get("variance"), ""))
     return responses, outputs, inputs
