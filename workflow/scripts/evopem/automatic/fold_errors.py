@@ -14,7 +14,7 @@ from evopem.config.structures import REGULARISED
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment
-from evopem.signals.spectra import autocorrelation
+from evopem.signals.spectra import independent_share
 
 Kind = Literal["simulation", "fitted_level", "prediction"]
 # Models within so many standard errors of the lowest error, and within this share, are as good.
@@ -81,9 +81,7 @@ def coloured_bic(scorer: Scorer, candidate: Candidate) -> Score:
     """The BIC of simulation errors that count as the independent ones they are (Bartlett 1946)."""
     stretch, samples = max(scorer.stretches, key=lambda s: s.samples), scorer.independent_samples
     e = errors_simulated_on(candidate.model, None, stretch, True, scorer.absolute)
-    correlations = [autocorrelation(x, len(x) // 10)[1:] for x in e.T]
-    squares = max(float(np.sum(rho**2 - 1.0 / len(e))) for rho in correlations)
-    share = 1.0 / (1.0 + 2.0 * max(squares, 0.0))
+    share = min(map(independent_share, e.T))
 
     def score(rival: Candidate) -> float:
         loss = rival.simulation_bic - scorer.penalty(rival.parameters)

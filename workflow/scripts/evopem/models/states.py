@@ -7,6 +7,7 @@ import scipy  # whose parts load on first use
 from numpy.typing import ArrayLike
 
 from evopem.arrays import Array
+from evopem.signals.spectra import independent_share
 
 # Singular values of the response to an initial state below this share of the largest one say
 # nothing about the state, unless errors need them.
@@ -89,10 +90,12 @@ def probable(columns: Array, target: Array, spread: Array, robust: bool, root: A
 
 def levels_moved(same: Array, moved: Array, spread: Array, robust: bool) -> bool:
     """Whether errors, (N, ny), with levels of their own refute the model's levels, by the BIC. Next
-    to a pole near 1 few samples hardly tell level from state, and a wrong share becomes a ramp."""
+    to a pole near 1 few samples hardly tell level from state, and a wrong share becomes a ramp.
+    Coloured errors count as the independent ones they are."""
     scale, power = np.where(spread > 0.0, spread, 1.0), 1 if robust else 2
     sizes = [max(float(np.sum(np.abs(e / scale) ** power)), TINY) for e in (same, moved)]
-    gain = 2.0 / power * len(same) * np.log(sizes[0] / sizes[1])
+    share = min(independent_share(e) for e in moved.T)
+    gain = 2.0 / power * share * len(same) * np.log(sizes[0] / sizes[1])
     return bool(gain > np.log(len(same)) + VERY_STRONG)
 
 

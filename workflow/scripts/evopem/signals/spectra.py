@@ -274,6 +274,14 @@ def autocorrelation(signals: Array, lags: int) -> Array:
     return np.asarray(products / products[..., :1])
 
 
+def independent_share(errors: Array) -> float:
+    """Share of errors, (N,), that count as independent by their autocorrelation (Bartlett 1946)."""
+    if not np.ptp(errors) > 0.0:
+        return 1.0
+    correlations = autocorrelation(errors, len(errors) // 10)[1:]
+    return 1.0 / (1.0 + 2.0 * max(float(np.sum(correlations**2 - 1.0 / len(errors))), 0.0))
+
+
 def _centred(signals: Array) -> Array:
     """(..., N) signals without their mean, times powers of two: no square of small ones is 0."""
     centred = signals - signals.mean(axis=-1, keepdims=True)
