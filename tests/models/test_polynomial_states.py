@@ -8,6 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.models.polynomial import PolynomialModel
+from evopem.models.states import levels_moved
 
 ONE = np.ones(1)
 MODEL = PolynomialModel(ONE, np.array([1.0, 0.5]), ONE, ONE, np.array([1.0, -1.5, 0.7]), nk=1)
@@ -159,3 +160,16 @@ def test_slow_poles_of_a_companion_matrix_are_those_of_its_coefficients():
     expected = lfilter([1.0], f, np.r_[1.0, np.zeros(7999)])
     difference = form.free_responses(form.A, 8000)[:, 0, 0] - expected
     assert np.std(difference) < 0.02 * np.std(expected)
+
+
+def test_coloured_errors_seldom_refute_a_level_that_holds():
+    """As independent ones they refuted 117 of 200."""
+    refuted = found = 0
+    for seed in range(200):
+        noise = np.random.default_rng(seed).standard_normal((500, 1))
+        slow = lfilter([1.0], [1.0, -0.95], noise, axis=0)[200:]
+        refuted += levels_moved(slow, slow - slow.mean(axis=0), np.ones(1), False)
+        moved = noise[200:] + 1.0
+        found += levels_moved(moved, moved - moved.mean(axis=0), np.ones(1), False)
+    assert refuted <= 20
+    assert found == 200
