@@ -323,14 +323,14 @@ class Scorer:
 
     def scored(self, candidate: Candidate) -> Candidate:
         """A candidate with its scores on held-out samples."""
-        model, bound = candidate.model, self.settings.max_root_radius
+        model = candidate.model
 
         def refitted(parts: Sequence[Sequence[Segment]]) -> Sequence[Model]:
             if isinstance(model, PolynomialModel):
                 return fits_of_parts(parts, model, candidate.structure, self.settings.objective)
             return [self._refitted(candidate, stretches) for stretches in parts]
 
-        scores = held_out_scores(self.stretches, self.plan, refitted, self.absolute, bound)
+        scores = held_out_scores(self.stretches, self.plan, refitted, self.absolute)
         return replace(candidate, scores=scores)
 
     def _refitted(self, candidate: Candidate, stretches: Sequence[Segment]) -> Model:

@@ -206,17 +206,6 @@ class StateSpaceModel:
         spread = np.sqrt(np.abs(np.diag(self.noise_covariance)))
         return fitted(columns, errors, spread, unknown=max(self.input_delays, default=0))
 
-    def continued(self, inputs: ArrayLike, outputs: ArrayLike, known: int) -> tuple[Array, Array]:
-        """Simulation and one-step errors behind the ``known`` first samples, (N - known, ny) each,
-        both from the state that the predictor reaches there; its initial one fits these samples."""
-        u, y = self._signals(inputs, outputs)
-        initial = self.prediction_state(np.asarray(inputs)[:known], np.asarray(outputs)[:known])
-        drive = u @ (self.B - self.K @ self.D).T + (y - self.level) @ self.K.T
-        predicted = states_of(self.predictor, drive, initial)[known:]
-        simulated = states_of(self.A, u[known:] @ self.B.T, predicted[0])
-        direct = u[known:] @ self.D.T + self.level
-        return simulated @ self.C.T + direct, y[known:] - direct - predicted @ self.C.T
-
     def with_fitted_level(self, inputs: ArrayLike, outputs: ArrayLike) -> tuple[Self, Array]:
         """The model with the level, and the initial state, whose prediction errors are smallest."""
         model = replace(self, level=np.zeros(self.outputs))

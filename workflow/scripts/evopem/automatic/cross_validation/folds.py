@@ -24,7 +24,6 @@ from evopem.automatic.cross_validation.stretches import (
 )
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import likeliest_arx
-from evopem.config.settings import SearchSettings
 from evopem.errors import NoModelError
 from evopem.models.states import first_samples
 from evopem.signals.recording import Segment, total_samples
@@ -268,12 +267,10 @@ def held_out_scores(
     plan: FoldPlan,
     estimate: Callable[[Sequence[Sequence[Segment]]], Sequence[Model]],
     absolute: bool,
-    bound: float = SearchSettings.max_root_radius,
 ) -> HeldOutScores:
     """Score what a method estimates from the training parts of all folds on what each leaves.
 
-    ``estimate`` may raise NoModelError; errors are absolute instead of squared with ``absolute``;
-    ``bound``: of the radii of poles in the search.
+    ``estimate`` may raise NoModelError; errors are absolute instead of squared with ``absolute``.
     """
     outputs = np.concatenate([stretch.outputs for stretch in stretches])
     centred = outputs - outputs.mean(axis=0)
@@ -306,7 +303,7 @@ def held_out_scores(
     logarithms, of_folds = [], []
     for scored in designs:
         of_design = [
-            np.sum([_errors_on(model, *part, absolute, bound) for part in parts], axis=0)
+            np.sum([_errors_on(model, *part, absolute) for part in parts], axis=0)
             for parts, model in zip(scored, islice(models, len(scored)), strict=True)
         ]
         sums, counts = np.sum(of_design, axis=0)
@@ -330,9 +327,7 @@ def _logarithms(sums: Array, counts: Array, scale: Array, absolute: bool) -> Arr
     return np.log(ratios.mean(axis=1))
 
 
-def _errors_on(
-    model: Model, before: Segment, stretch: Segment, absolute: bool, bound: float
-) -> Array:
+def _errors_on(model: Model, before: Segment, stretch: Segment, absolute: bool) -> Array:
     """Sums of squared or absolute errors, and samples less what was fitted, (2, 3, l)."""
 
     def total(errors: Array) -> Array:
@@ -341,7 +336,7 @@ def _errors_on(
     sums, counts = np.zeros((2, 3, stretch.outputs.shape[1]))
     with np.errstate(all="ignore"):
         if stretch.has_input:
-            given = model, before, stretch, (False, True), absolute, bound
+            given = model, before, stretch, (False, True), absolute
             for fitted, errors in enumerate(errors_with_levels(*given)):
                 sums[fitted], counts[fitted] = total(errors), len(errors) - fitted
         errors = prediction_errors(model, stretch, before)

@@ -8,9 +8,7 @@ import numpy as np
 
 from evopem.arrays import Array
 from evopem.automatic.cross_validation.stretches import joined
-from evopem.config.settings import SearchSettings
-from evopem.estimation.criteria import lies_at_bound
-from evopem.models.polynomial import Model, PolynomialModel, simulated_form, state_space_of
+from evopem.models.polynomial import Model, simulated_form, state_space_of
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.states import first_samples
 from evopem.signals.recording import Segment
@@ -29,43 +27,28 @@ def errors_simulated_on(
 ) -> Array:
     """Errors of a simulation of held-out samples that determine no state, (M, l), of the last M.
 
-    It runs on from the samples before, which determine its initial state: that of the predictor
-    where noise and input move the same states and none lasts, else the one that fits them.  Where
-    these are None or empty, the first tenth of the held-out samples do, and are not scored.  A
-    state that were fitted to what is scored would draw slow waves through drifts with poles near
-    the unit circle.  With ``fitted_level`` a constant is fitted to the scored samples; ``robust``
-    takes its median, and the state that fits best.
+    It runs on from the samples before, whose fit determines its initial state, as that of a
+    validation does.  Where these are None or empty, the first tenth of the held-out samples do, and
+    are not scored.  A state that were fitted to what is scored would draw slow waves through drifts
+    with poles near the unit circle, and that of a predictor, which only noise that moves the plant
+    tells, would favour such models.  With ``fitted_level`` a constant is fitted to the scored
+    samples; ``robust`` takes its median, and the state that fits best.
     """
     past = held_out.between(0, 0) if before is None else before
     return errors_with_levels(model, past, held_out, (fitted_level,), robust)[0]
 
 
 def errors_with_levels(
-    model: Model,
-    before: Segment,
-    held_out: Segment,
-    fitted_levels: Sequence[bool],
-    robust: bool,
-    bound: float = SearchSettings.max_root_radius,
+    model: Model, before: Segment, held_out: Segment, fitted_levels: Sequence[bool], robust: bool
 ) -> list[Array]:
-    """:func:`errors_simulated_on` with the model's level or a fitted one, each as asked for.
-
-    ``bound``: Of the radii of poles in the model's search.
-    """
+    """:func:`errors_simulated_on` with the model's level or a fitted one, each as asked for."""
     known, both = before.samples or first_samples(held_out.samples), joined(before, held_out)
-    measured, radius = both.outputs[known:], _radius_of(model)
-    # A drift may be the noise of a state that lasts: a predictor follows it, no validation does.
-    lasts = isinstance(model, StateSpaceModel) and lies_at_bound(radius, bound)
-    runs_on = bool(before.samples) and not robust and noise_moves_plant(model) and not lasts
+    measured = both.outputs[known:]
     simulated = [np.full(measured.shape, np.inf)] * len(fitted_levels)
     with np.errstate(all="ignore"):
-        if radius < STABLE:
-            # No level is part of the state of the predictor.
-            if runs_on:
-                simulated = [_continued(model, before, held_out, known)[0]] * len(fitted_levels)
-            else:
-                given = both.inputs, both.outputs, fitted_levels, robust, known
-                simulated = [whole[known:] for whole in _plant_of(model).simulations(*given)]
+        if _radius_of(model) < STABLE:
+            given = both.inputs, both.outputs, fitted_levels, robust, known
+            simulated = [whole[known:] for whole in _plant_of(model).simulations(*given)]
         centre, errors = np.median if robust else np.mean, [s - measured for s in simulated]
         return [
             e - centre(e, axis=0) if fitted_level else e
@@ -86,21 +69,6 @@ def _radius_of(model: Model) -> float:
 def _predictor_of(model: Model) -> StateSpaceModel:
     """The model in innovations form, without covariance."""
     return state_space_of(replace(model, covariance=None))
-
-
-@lru_cache(maxsize=1)
-def _continued(model: Model, before: Segment, stretch: Segment, known: int) -> tuple[Array, Array]:
-    """Simulation and one-step errors from the state of the predictor behind the samples before."""
-    both = joined(before, stretch)
-    return _predictor_of(model).continued(both.inputs, both.outputs, known)
-
-
-def noise_moves_plant(model: Model) -> bool:
-    """Whether noise and input have poles in common.
-
-    A noise model beside a plant in state space counts as well: its states are part of the model.
-    """
-    return model.orders.na > 0 if isinstance(model, PolynomialModel) else bool(model.K.any())
 
 
 def simulated(model: Model, stretch: Segment, fitted_level: bool = False) -> Array:
@@ -128,9 +96,6 @@ def prediction_errors(model: Model, stretch: Segment, before: Segment | None = N
     known = stretch.samples
     if before is not None:
         known = max(before.samples or first_samples(known), form.order + first + 2)
-        if known == before.samples and noise_moves_plant(model):
-            with np.errstate(all="ignore"):
-                return _continued(model, before, stretch, known)[1]
         stretch = joined(before, stretch)
     if stretch.samples <= max(first + 1, known if before is not None else 0):
         return np.empty((0, stretch.outputs.shape[1]))
