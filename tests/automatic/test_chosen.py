@@ -1,6 +1,7 @@
 """The global search of the chosen model, and what held-out samples say of it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -87,6 +88,23 @@ def test_a_searched_model_that_simulates_worse_is_left(
     assert (found is searched) == taken
     assert about.choice == (chosen_model.SEARCHED if taken else chosen_model.COMPARED)
     assert about.sentence.endswith("the compared model is kept.") != taken
+
+
+def test_modes_of_outputs_alone_may_lie_at_the_bound(candidate):
+    """They are not simulated, whose error was said to be infinite."""
+    *_, choice = candidate
+    alone = replace(choice.candidate, scores=replace(choice.candidate.scores, simulation=np.inf))
+    compared = SimpleNamespace(
+        estimate=SimpleNamespace(at_stability_bound=False, search=SimpleNamespace(value=2.0))
+    )
+    searched = SimpleNamespace(
+        estimate=SimpleNamespace(at_stability_bound=True, search=SimpleNamespace(value=1.0))
+    )
+    modes = Choice("modes", alone, "constant")
+    about = chosen_model._about_search(modes, searched, compared, alone)
+    assert about.choice == chosen_model.SEARCHED
+    assert "predicted one step ahead with" in about.sentence
+    assert "inf" not in about.sentence
 
 
 def test_the_searched_model_is_taken_where_no_descent_leads_from_the_compared_one(

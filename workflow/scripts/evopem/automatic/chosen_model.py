@@ -294,18 +294,17 @@ def _about_search(
         if choice.candidate.structure in REGULARISED:
             sentence = "A regularised response has one optimum, which needs no search."
         return Decision(SUBJECT, SEARCHED, (alternative,), criterion, sentence)
-    kinds: tuple[Kind, ...] = tuple(dict.fromkeys((choice.kind, "prediction")))
-    rivals = judged, choice.candidate
-    worse: list[Kind] = [
-        kind for kind in kinds if np.isfinite(getattr(known, kind)) and not as_good(*rivals, kind)
-    ]
-    kind = (worse or [choice.kind])[0]
+    both: tuple[Kind, ...] = choice.kind, "prediction"
+    kinds = [kind for kind in dict.fromkeys(both) if np.isfinite(getattr(known, kind))]
+    worse = [kind for kind in kinds if not as_good(judged, choice.candidate, kind)]
+    kind = [*worse, *kinds, choice.kind][0]
     scores = [float(getattr(scores, kind)) for scores in (judged.scores, known)]
     does = "predicted one step ahead" if kind == "prediction" else "simulated"
     fell = compared.estimate.search.value - result.estimate.search.value
-    # Simulations with a root at the bound draw waves as long as a held-out block, and grow beyond.
+    # Simulations with a root at the bound draw waves as long as a held-out block, and grow beyond;
+    # outputs alone have none.
     at_bound = [model.estimate.at_stability_bound for model in (result, compared)]
-    grows = at_bound == [True, False] and choice.kind != "prediction"
+    grows = at_bound == [True, False] and "prediction" not in kinds[:1]
     why = "worse by a tenth or two standard errors" * bool(worse)
     why = why or "with a root at the stability bound, unlike before" * grows
     sentence = (
