@@ -11,7 +11,6 @@ from vibrating_structure import VibratingStructure
 
 from evopem.automatic.candidates import Candidate, OrderLimits, Scorer
 from evopem.automatic.chosen_model import estimate_candidate
-from evopem.automatic.cross_validation import simulation
 from evopem.automatic.cross_validation.folds import HeldOutScores, decide_folds, held_out_scores
 from evopem.automatic.fit import (
     LARGE_WIDTH,
@@ -132,17 +131,6 @@ def test_surplus_modes_gain_nothing_by_the_states_they_begin_with():
 
 
 # Orders.
-
-
-def test_a_pole_lasts_that_lies_at_the_bound_which_is_configured(monkeypatch):
-    """No predictor begins the simulation of held-out samples there."""
-    bounds = []
-    monkeypatch.setattr(simulation, "lies_at_bound", lambda _, bound: bounds.append(bound))
-    u, e = np.random.default_rng(4).standard_normal((2, 400))
-    scorer = scorer_of([Segment(u, u + lfilter([1.0], [1.0, -0.7], u + e))], nx=(1, 1))
-    scorer.settings = CommonSettings(max_root_radius=0.8)
-    scorer.with_scores(search_structure(scorer, "ss", {}).candidates)
-    assert 0.8 in bounds
 
 
 @pytest.mark.parametrize(
