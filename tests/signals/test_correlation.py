@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evopem.errors import InputError
-from evopem.signals.spectra import autocorrelation, cross_correlation
+from evopem.signals.correlation import autocorrelation
+from evopem.signals.spectra import cross_correlation
 
 
 def direct(x: np.ndarray, y: np.ndarray, lag: int) -> float:

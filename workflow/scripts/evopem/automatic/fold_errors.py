@@ -13,8 +13,8 @@ from evopem.automatic.cross_validation.simulation import errors_simulated_on
 from evopem.config.structures import REGULARISED
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
+from evopem.signals.correlation import independent_share
 from evopem.signals.recording import Segment
-from evopem.signals.spectra import independent_share
 
 Kind = Literal["simulation", "fitted_level", "prediction"]
 # Models within so many standard errors of the lowest error, and within this share, are as good.

@@ -7,7 +7,7 @@ import scipy  # whose parts load on first use
 from numpy.typing import ArrayLike
 
 from evopem.arrays import Array
-from evopem.signals.spectra import independent_share
+from evopem.signals.correlation import independent_share
 
 # Singular values of the response to an initial state below this share of the largest one say
 # nothing about the state, unless errors need them.

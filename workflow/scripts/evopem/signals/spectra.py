@@ -1,4 +1,4 @@
-"""Multitaper spectra, the responses and coherence of channels; correlation functions.
+"""Multitaper spectra, the responses and coherence of channels; cross-correlations.
 
 Sources: Thomson, D. J. (1982), "Spectrum estimation and harmonic analysis", Proc. IEEE 70;
 Percival & Walden (1993), "Spectral Analysis for Physical Applications", chapter 7; Bendat &
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from evopem.arrays import Array, Complex
 from evopem.errors import InputError
+from evopem.signals.correlation import centred, products_at_lags
 from evopem.signals.recording import Recording
 
 CONFIDENCE = 0.95
@@ -263,38 +264,6 @@ REPEATS, HAS_CHANGED = 0.95, 0.5
 LONGEST_LAG = 2.0 / 3.0
 
 
-def autocorrelation(signals: Array, lags: int) -> Array:
-    """Biased sample autocorrelation at lags 0 … `lags` < N of (..., N) signals, (..., lags + 1).
-
-    As Ljung (1999, section 6.1) has it; InputError where a signal is constant.
-    """
-    products = _products(_centred(signals), lags)
-    if not products[..., 0].all():
-        raise InputError("correlation", "a signal is constant", "give signals that vary")
-    return np.asarray(products / products[..., :1])
-
-
-def independent_share(errors: Array) -> float:
-    """Share of errors, (N,), that count as independent by their autocorrelation (Bartlett 1946)."""
-    if not np.ptp(errors) > 0.0:
-        return 1.0
-    correlations = autocorrelation(errors, len(errors) // 10)[1:]
-    return 1.0 / (1.0 + 2.0 * max(float(np.sum(correlations**2 - 1.0 / len(errors))), 0.0))
-
-
-def _centred(signals: Array) -> Array:
-    """(..., N) signals without their mean, times powers of two: no square of small ones is 0."""
-    centred = signals - signals.mean(axis=-1, keepdims=True)
-    return np.ldexp(centred, -np.frexp(np.max(np.abs(centred), axis=-1, keepdims=True))[1])
-
-
-def _products(signals: Array, lags: int) -> Array:
-    """Sums of products of (..., N) signals with themselves at lags 0 … `lags`."""
-    length = scipy.fft.next_fast_len(signals.shape[-1] + lags, real=True)
-    power = np.abs(scipy.fft.rfft(signals, length)) ** 2
-    return np.asarray(scipy.fft.irfft(power, length)[..., : lags + 1])
-
-
 def cross_correlation(first: Array, second: Array, lags: int) -> Array:
     """Biased sample cross-correlation, ``first`` at time t + k with ``second`` at time t.
 
@@ -302,7 +271,7 @@ def cross_correlation(first: Array, second: Array, lags: int) -> Array:
     model has left unused of past inputs; negative ones show feedback.
     """
     samples = first.size
-    x, y = _centred(first), _centred(second)
+    x, y = centred(first), centred(second)
     energy = float(np.sqrt(np.dot(x, x)) * np.sqrt(np.dot(y, y)))
     if energy == 0.0:
         raise InputError("correlation", "a signal is constant", "give signals that vary")
@@ -344,7 +313,7 @@ def overlapping_correlation(signal: Array) -> Array:
     lags = np.arange(longest + 1)
     scale = np.sqrt(power[n - lags] * (power[n] - power[lags]))
     correlation = np.zeros(longest + 1)
-    np.divide(_products(x, longest), scale, out=correlation, where=scale > 0.0)
+    np.divide(products_at_lags(x, longest), scale, out=correlation, where=scale > 0.0)
     changed = np.flatnonzero(np.abs(correlation) < HAS_CHANGED)
     correlation[: changed[0] if len(changed) else None] = 0.0
     return correlation

@@ -17,6 +17,7 @@ from evopem.estimation.pem.covariance import density_at_zero
 from evopem.models.parameter_covariance import NORMAL_95, ParameterCovariance
 from evopem.models.states import delayed, states_of
 from evopem.signals import spectra as signals
+from evopem.signals.correlation import autocorrelation
 from evopem.signals.least_squares import autoregression
 from evopem.validation.held_out_tests import MOST_WHITENING
 from evopem.validation.responses import HeldOut, unscored_samples
@@ -246,7 +247,7 @@ def _autocorrelations(residuals: Array, lags: int, bounds: Sequence[int]) -> Arr
     # A model that leaves nothing at all has no residuals to correlate.
     varying = np.ptp(residuals, axis=0) > 0
     series = apart(residuals[:, varying].T, bounds, lags)
-    correlations[varying] = signals.autocorrelation(series, lags)
+    correlations[varying] = autocorrelation(series, lags)
     return correlations
 
 
