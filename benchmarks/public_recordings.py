@@ -27,7 +27,7 @@ from evidence import write_section
 from recordings_of_others import Record, reserved, second, seen, third
 from recordings_of_others_later import fifth, fourth, sixth
 from recordings_of_others_latest import eighth, ninth, seventh, tenth
-from recordings_of_others_newest import eleventh, thirteenth, twelfth
+from recordings_of_others_newest import eleventh, fourteenth, thirteenth, twelfth
 
 import evopem
 from evopem.automatic.cross_validation.simulation import errors_simulated_on
@@ -52,6 +52,7 @@ SETS: dict[str, tuple[Callable[[Path], Iterator[Record]], str, str]] = {
     "eleventh": (eleventh, ", eleventh set", "None was in view"),
     "twelfth": (twelfth, ", twelfth set", f"{UNSEEN} 1.30 times and 1.3 (1d4b496e)"),
     "thirteenth": (thirteenth, ", thirteenth set", f"{UNSEEN} 0.99 times and 1.4 (2a66cc72)"),
+    "fourteenth": (fourteenth, ", fourteenth set", "None was in view"),
 }
 
 

@@ -215,6 +215,61 @@ def thirteenth(folder: Path) -> Iterator[Record]:
     )
 
 
+def fourteenth(folder: Path) -> Iterator[Record]:
+    """Recordings for one measurement at the end: 8, of one output; two have several inputs."""
+    table = partial(columns_of, folder)
+
+    def twin_rotor() -> list[np.ndarray]:
+        files = [folder / f"io_data_{part}.csv" for part in ("22", "22_2nd")]
+        rows = np.concatenate([np.loadtxt(file, delimiter=",") for file in files])
+        return [rows[:, :2], rows[:, 2]]
+
+    def groundwater() -> list[np.ndarray]:
+        files = [folder / f"{key}.csv" for key in ("prec", "evap", "temp", "heads")]
+        days = [pd.read_csv(file, index_col=0).loc["1998-01-01":] for file in files]
+        rows = pd.concat(days, axis=1).to_numpy()
+        return [rows[:, :3], rows[:, 3]]
+
+    def robot(file: str, step: int) -> list[np.ndarray]:
+        return [each[:30_000:step] for each in table(file, 0, 1, **PLAIN)]
+
+    def resampled(file: str, names: tuple[str, str, str], moments: np.ndarray) -> list[np.ndarray]:
+        rows = pd.read_csv(folder / file)
+        return [np.interp(moments, rows[names[0]], rows[key]) for key in names[1:]]
+
+    def experiments(names: tuple[str, str, str], **moments: np.ndarray) -> list[np.ndarray]:
+        parts = [resampled(f"{file}.csv", names, times) for file, times in moments.items()]
+        return [np.concatenate(both) for both in zip(*parts, strict=True)]
+
+    def pendulum() -> list[np.ndarray]:
+        sweeps = {
+            "chirp_0601_19-39": np.arange(1e3, 50_500.0, 50.0),
+            "chirp_0608_18-44": np.arange(2e3, 70_000.0, 50.0),
+        }
+        return experiments(("tempo_ms", "u_pct", "angulo_deg"), **sweeps)
+
+    def boiler() -> list[np.ndarray]:
+        runs = {"200414c": np.arange(1.0, 951.0), "200415b": np.arange(1.0, 1001.0)}
+        return experiments(("time", "output", "temperature"), **runs)
+
+    def cyclist() -> list[np.ndarray]:
+        rows = pd.read_csv(folder / "race.csv")[:1690]
+        return [rows["Power"].to_numpy(float), rows["Heart rate"].to_numpy(float)]
+
+    yield from first_samples_of(
+        (
+            ("twin rotor", twin_rotor, 1473, 1130, 10.0),
+            ("groundwater", groundwater, 2400, 1200, 1 / 86_400),
+            ("robot that turns", lambda: robot("data_w2.csv", 10), 1000, 500, 50.0),
+            ("motor of a wheel", lambda: robot("data_ground_19_08_23.csv", 20), 1000, 500, 25.0),
+            ("pendulum with a propeller", pendulum, 990, 1360, 20.0),
+            ("transistor", lambda: table("tclab.model.q.3.csv", 2, 4, **CSV), 800, 400, 1.0),
+            ("boiler", boiler, 950, 1000, 1.0),
+            ("ergometer", cyclist, 1150, 540, 1.0),
+        )
+    )
+
+
 def sentences(file: Path, field: int) -> tuple[np.ndarray, np.ndarray]:
     """Seconds and one field of a log of NMEA sentences, of which some are there several times."""
     rows = pd.read_csv(file).drop_duplicates("timestamp").sort_values("timestamp")
