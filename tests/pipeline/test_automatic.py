@@ -156,6 +156,8 @@ def test_the_rival_is_the_model_whose_response_differs_most():
     assert rival.name == "far"
     gains = np.abs([model.frequency_response([rival.frequency_hz])[0, 0, 0] for model in models])
     assert gains[0] == max(gains)  # at the resonance of the chosen one
-    assert rival.percent > 50.0
+    assert rival.factor > 1.5
+    gain = [PolynomialModel([1.0], [factor], nk=1) for factor in (2.0, 6.0)]
+    assert furthest_rival(["chosen", "scaled"], gain, 1000).factor == pytest.approx(3.0)
     assert furthest_rival(["chosen"], models[:1], 1000) is None
     assert furthest_rival(["chosen", "other"], [PolynomialModel([1.0, -0.5], ())] * 2, 1000) is None

@@ -403,16 +403,19 @@ def test_slow_frequencies_count_as_in_a_bode_diagram(results):
     found = verdict(replace(results, frequency_response=table))
     [use] = [use for use in found.uses if use.name == "the frequency response"]
     assert use.answer != "good"
-    ((off, place),) = re.findall(r"off by up to (\d+).% .*, most at ([\d.]+).Hz", use.reason)
-    assert 30.0 < float(off) < 100.0 * np.log(2.0) * 1.25
+    words = r"off by up to a factor of ([\d.]+) .*, most at ([\d.]+).Hz"
+    ((off, place),) = re.findall(words, use.reason)
+    assert 2.0 < float(off) < 2.0**1.25
     assert 0.2 <= float(place) <= 1.0
     reasons = []
-    for difference in (20.0, 45.0):
-        model = replace(results.model, rival=Rival("oe nb=2 nf=2 nk=1", 0.5, difference))
+    for factor in (1.2, 1.45, 49.3):
+        model = replace(results.model, rival=Rival("oe nb=2 nf=2 nk=1", 0.5, factor))
         uses = verdict(replace(results, frequency_response=table, model=model)).uses
         reasons += [use.reason for use in uses if use.name == "the frequency response"]
-    words = "(oe nb=2 nf=2 nk=1, which the data do not tell from it, differs by 45"
-    assert [words in reason for reason in reasons] == [False, True]
+    words = "(oe nb=2 nf=2 nk=1, which the data do not tell from it, differs in gain and phase by "
+    assert [words in reason for reason in reasons] == [False, True, True]
+    assert f"{words}45{THIN}%, most" in reasons[1]
+    assert f"{words}a factor of 49, most" in reasons[2]
 
 
 @pytest.mark.parametrize(

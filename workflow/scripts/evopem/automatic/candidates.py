@@ -38,7 +38,7 @@ from evopem.signals.recording import Segment, total_samples
 
 # Largest order of the paths of polynomial structures: criteria count the samples behind its past.
 LARGEST_ORDER = 20
-SAMPLES_PER_PARAMETER = 8  # samples for each parameter
+SAMPLES_PER_PARAMETER = 8
 # An error must fall by this share to count as a gain; candidates are scored on folds until so many
 # in a row bring none: about a quarter of them, with the lowest errors of all.
 GAIN, SCORED_IN_VAIN = 0.005, 6

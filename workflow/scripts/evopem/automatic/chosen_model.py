@@ -304,9 +304,11 @@ def _about_search(
     # Simulations with a root at the bound draw waves as long as a held-out block, and grow beyond;
     # outputs alone have none.
     at_bound = [model.estimate.at_stability_bound for model in (result, compared)]
-    grows = at_bound == [True, False] and "prediction" not in kinds[:1]
-    why = "worse by a tenth or two standard errors" * bool(worse)
-    why = why or "with a root at the stability bound, unlike before" * grows
+    why = ""
+    if worse:
+        why = "worse by a tenth or two standard errors"
+    elif at_bound == [True, False] and "prediction" not in kinds[:1]:
+        why = "with a root at the stability bound, unlike before"
     sentence = (
         f"The objective of {name} fell by {fell:.2g} in the search; held-out samples are {does}"
         f" with {scores[0]:.3g} % instead of {scores[1]:.3g} %"

@@ -237,13 +237,13 @@ class Rival:
 
     name: str
     frequency_hz: float  # where most of the difference is
-    # Root mean square of the logarithm of the ratio of both, in the power of the response, octaves
-    # alike
-    percent: float
+    # Exponential of the root mean square of the logarithm of the ratio of both, in the power of the
+    # response, octaves alike: a phase of 1 rad counts as a factor of e
+    factor: float
 
 
 def furthest_rival(names: Sequence[str], models: Sequence[Model], samples: int) -> Rival | None:
-    """The model whose response is farthest from that of the first one; None of one, or no inputs.
+    """The model whose response is farthest from the first one's; None of one, or no inputs.
 
     From the frequency of one period in some samples on.
     """
@@ -258,7 +258,7 @@ def furthest_rival(names: Sequence[str], models: Sequence[Model], samples: int) 
         return None
     place, *pair = np.unravel_index(np.argmax(squares), squares.shape)
     frequency = float(frequencies[np.argmax(shares[place][:, *pair])])
-    return Rival(names[1 + int(place)], frequency, 100.0 * float(np.sqrt(squares.max())))
+    return Rival(names[1 + int(place)], frequency, math.exp(np.sqrt(squares.max())))
 
 
 def by_pair(

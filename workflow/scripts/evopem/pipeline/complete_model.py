@@ -148,9 +148,9 @@ def complete_model(
             spread = [rival.modes() for rival in rivals]
             record = replace(record, modes=with_spread(record.modes, spread))
             names = [candidate.name for candidate in known]
+            reported, longest = [record.plant, *rivals[1:]], scored.prepared.estimation.longest
             with one_blas_thread():
-                rival = furthest_rival(names, rivals, scored.prepared.estimation.longest.samples)
-            record = replace(record, rival=rival)
+                record = replace(record, rival=furthest_rival(names, reported, longest.samples))
             models: dict[tuple[str, str], ModelRecord] = {}
             for purpose in others:
                 choice = comparison.choice(purpose)

@@ -58,6 +58,12 @@ def percent(value: float | None, digits: int = 3) -> str:
     return f"{fixed(value, decimals)}{THIN}%"
 
 
+def ratio(factor: float) -> str:
+    """A ratio of at least 1 in words: as a percentage below 2."""
+    more = percent(100.0 * (factor - 1.0), 2)
+    return more if factor < 2.0 else f"a factor of {number(factor, 2)}"
+
+
 def count(value: float | None) -> str:
     """A whole number with separated thousands, or a dash."""
     return whole(int(value)) if is_number(value) else MISSING

@@ -17,6 +17,7 @@ from evopem.report.numbers import (
     number,
     percent,
     plural,
+    ratio,
 )
 from evopem.results.channel_labels import Channel
 from evopem.results.dataset import DatasetResults, response_errors
@@ -259,14 +260,14 @@ def _frequency_response(results: DatasetResults) -> Use:
         text = f"its 95 % band {'is not known' if math.isnan(half) else wide}"
     findings: list[Finding] = [("good" if half <= WIDE_BAND else "care", text)]
     if off > GOOD_RESPONSE:
-        text = f"off by up to {percent(off, 2)} where the response is large (95 %), most"
+        text = f"off by up to {ratio(np.exp(off / 100.0))} where the response is large (95 %), most"
         unknown = "its error is not known where the response is large, as"
         text = text if math.isfinite(off) else unknown
         text = f"{text} at {number(place, 3)}{THIN}Hz"
         rival = results.model.rival
-        if rival and rival.percent > GOOD_RESPONSE:
+        if rival and rival.factor > math.exp(GOOD_RESPONSE / 100.0):
             where = f"most at {number(rival.frequency_hz, 3)}{THIN}Hz"
-            differs = f"differs by {percent(rival.percent, 2)}, {where}"
+            differs = f"differs in gain and phase by {ratio(rival.factor)}, {where}"
             text += f" ({rival.name}, which the data do not tell from it, {differs})"
         findings.append(("care", text))
     if results.model.has_input and is_number(error) and error >= USABLE_SIMULATION:

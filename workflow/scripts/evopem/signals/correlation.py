@@ -28,8 +28,8 @@ def independent_share(errors: Array) -> float:
 
 def centred(signals: Array) -> Array:
     """(..., N) signals without their mean, times powers of two: no square of small ones is 0."""
-    centred = signals - signals.mean(axis=-1, keepdims=True)
-    return np.ldexp(centred, -np.frexp(np.max(np.abs(centred), axis=-1, keepdims=True))[1])
+    rest = signals - signals.mean(axis=-1, keepdims=True)
+    return np.ldexp(rest, -np.frexp(np.max(np.abs(rest), axis=-1, keepdims=True))[1])
 
 
 def products_at_lags(signals: Array, lags: int) -> Array:

@@ -33,7 +33,6 @@ CONFIGURATION = "config.yaml"
 
 _RESULTS = {"config.yaml", "recording.json", "transforms.json"}
 """Files of which a folder with results of evopem holds all."""
-_NUMBERS = "its channels holds numbers that change"
 _HEAD = """\
 # yaml-language-server: $schema={schema}
 # Written by `evopem init` from what the files hold. Check input, output and sampling rate of each
@@ -116,6 +115,11 @@ def dataset_name(path: Path) -> str:
     return next(filter(is_valid, (name, *shorter)))
 
 
+def _too_few(signals: Sequence[SignalColumn]) -> str:
+    few = "only one" if signals else "none"
+    return f"{few} of its channels holds numbers that change"
+
+
 def _entry(name: str, path: Path, file: str) -> str:
     """The entry of a file; InputError where it cannot be used."""
     if not file.isprintable() or set("{}*") & set(file):
@@ -124,8 +128,7 @@ def _entry(name: str, path: Path, file: str) -> str:
     contents = inspect_file(path)
     signals = contents.signals
     if len(signals) < 2:
-        few = "only one" if signals else "none"
-        raise contents.unread or InputError(file, f"{few} of {_NUMBERS}", "two are needed")
+        raise contents.unread or InputError(file, _too_few(signals), "two are needed")
     sources, targets, sure = _channels(signals)
     others = [_scalar(signal.reference) for signal in signals if signal not in (*sources, *targets)]
     lines = [f"  {_scalar(name)}:", f"    file: {_scalar(file)}"]
@@ -188,10 +191,10 @@ def certain_channels(path: str) -> tuple[Keys, str]:
         return keys, f"{path}: {roles.sentence}"
     if not signals:
         remedy = "give a recording of signals"
-        raise contents.unread or InputError(path, f"none of {_NUMBERS}", remedy)
+        raise contents.unread or InputError(path, _too_few(signals), remedy)
     if len(signals) < 2:
         also = f" ({contents.unread.place}: {contents.unread.problem})" if contents.unread else ""
-        problem = f"only one of {_NUMBERS}{also}"
+        problem = f"{_too_few(signals)}{also}"
     outputs = [str(signal.reference) for signal in named(signals, OUTPUT_NAMES)]
     alone = not sources or set(outputs) == set(names)
     example = ["none", *(outputs or names[:1])] if alone else [names[0], names[1]]

@@ -285,7 +285,7 @@ def correlation_with_input(
     lags it precedes it: feedback.  For independent e and u, √N R_eu is asymptotically normal with
     variance Σ_k R_e(k) R_u(k), and covariance Σ_k R_e(k) R_u(k + h) with that at a lag h away
     (Ljung 1999, section 16.6).  By these, with R_e of an autoregression, the sum of their squares
-    is a weighted sum of chi-square variables: those of a slow input hang together.
+    is a weighted sum of chi-square variables: those of a slow input are correlated.
     """
     e, u = np.asarray(residuals, dtype=float), np.asarray(inputs, dtype=float)
     lags = min(lags, e.size - 1)

@@ -33,7 +33,7 @@ _PARTS = {
     **dict.fromkeys(("variance", "var"), "variance"),
 }
 """What a column of a response holds, by the words behind its name."""
-_DECIBELS, _RADIANS = (re.compile(text, re.I) for text in (r"\bdB", r"\brad(ians?)?\b"))
+_DECIBELS, _RADIANS = (re.compile(text, re.I) for text in (r"\bdB", r"\b(m|milli)?rad(ians?)?\b"))
 _WHOLE = {"complex"}, {"real", "imaginary"}, {"magnitude", "phase"}
 
 
@@ -227,8 +227,9 @@ def _of_columns(path: Path, channels: ChannelSettings) -> Read:
             }
             if _DECIBELS.search(units["magnitude"]):
                 magnitude = 10.0 ** (magnitude / 20.0)
-            phase = phase if _RADIANS.search(units["phase"]) else np.radians(phase)
-            values = magnitude * np.exp(1j * phase)
+            radians = _RADIANS.search(units["phase"])
+            unit = np.radians(1.0) if radians is None else 1e-3 if radians[1] else 1.0
+            values = magnitude * np.exp(1j * unit * phase)
         responses.append((frequencies, values, parts.get("coherence"), parts.get("variance"), ""))
     return responses, outputs, inputs
 
