@@ -304,10 +304,8 @@ def _about_search(
     # Simulations with a root at the bound draw waves as long as a held-out block, and grow beyond;
     # outputs alone have none.
     at_bound = [model.estimate.at_stability_bound for model in (result, compared)]
-    why = ""
-    if worse:
-        why = "worse by a tenth or two standard errors"
-    elif at_bound == [True, False] and "prediction" not in kinds[:1]:
+    why = "worse by a tenth or two standard errors" if worse else ""
+    if not worse and at_bound == [True, False] and "prediction" not in kinds[:1]:
         why = "with a root at the stability bound, unlike before"
     sentence = (
         f"The objective of {name} fell by {fell:.2g} in the search; held-out samples are {does}"
