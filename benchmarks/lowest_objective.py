@@ -348,7 +348,7 @@ def next_to_truth(
 ) -> Array:
     """The true point and some with poles moved, B and the states by least squares, (M, n)."""
     points = np.repeat(truth[None, :], NEIGHBOURS + 1, axis=0)
-    for name, part in problem.errors.polynomials():
+    for name, part in problem.errors.polynomials:
         for point in points[1:] if name in "af" else ():
             s = np.log(np.roots(np.append(1.0, point[part])).astype(complex))
             s[s.imag > 0.0] *= np.exp(AWAY * generator.standard_normal(np.sum(s.imag > 0.0)))

@@ -31,9 +31,10 @@ def on_circle(frequencies: ArrayLike, sampling_rate: float) -> Complex:
 
 def roots(coefficients: Array) -> Complex:
     """Roots z of ``z^m + x_1 z^(m-1) + ... + x_m``; (m,) complex."""
-    if len(coefficients) == 0:
-        return np.empty(0, dtype=complex)
-    return np.roots(np.concatenate([[1.0], coefficients])).astype(complex)
+    z = np.zeros(len(coefficients), dtype=complex)
+    if len(known := np.flatnonzero(coefficients)):
+        z[: known[-1] + 1] = roots_of_each(coefficients[None, : known[-1] + 1])[0]
+    return z
 
 
 def roots_of_each(coefficients: Array) -> Complex:

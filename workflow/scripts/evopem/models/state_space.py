@@ -296,6 +296,8 @@ class StateSpaceModel:
     def without_delays(self) -> Self:
         """The same plant with delays as further states; without covariance."""
         delays = self.delays
+        if not any(delays) and self.covariance is None:
+            return self
         n, extra = self.order, sum(delays)
         A = np.zeros((n + extra, n + extra))
         B = np.zeros((n + extra, self.inputs))

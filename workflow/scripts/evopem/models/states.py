@@ -94,9 +94,10 @@ def levels_moved(same: Array, moved: Array, spread: Array, robust: bool) -> bool
     Coloured errors count as the independent ones they are."""
     scale, power = np.where(spread > 0.0, spread, 1.0), 1 if robust else 2
     sizes = [max(float(np.sum(np.abs(e / scale) ** power)), TINY) for e in (same, moved)]
-    share = min(independent_share(e) for e in moved.T)
-    gain = 2.0 / power * share * len(same) * np.log(sizes[0] / sizes[1])
-    return bool(gain > np.log(len(same)) + VERY_STRONG)
+    gain = 2.0 / power * len(same) * np.log(sizes[0] / sizes[1])
+    least = np.log(len(same)) + VERY_STRONG
+    # Autocorrelations only where independent errors say so: they take longer than all else.
+    return bool(gain > least and gain * min(independent_share(e) for e in moved.T) > least)
 
 
 def _least_squares(columns: Array, goal: Array) -> Array:

@@ -57,7 +57,7 @@ def errors_with_levels(
 
 
 # One model after the other is simulated on the held-out parts of a fold, and predicted there.
-_plant_of = lru_cache(maxsize=1)(simulated_form)
+_plant_of = lru_cache(maxsize=1)(lambda model: simulated_form(model).without_delays())
 
 
 @lru_cache(maxsize=1)
@@ -68,7 +68,7 @@ def _radius_of(model: Model) -> float:
 @lru_cache(maxsize=1)
 def _predictor_of(model: Model) -> StateSpaceModel:
     """The model in innovations form, without covariance."""
-    return state_space_of(replace(model, covariance=None))
+    return state_space_of(model if model.covariance is None else replace(model, covariance=None))
 
 
 def simulated(model: Model, stretch: Segment, fitted_level: bool = False) -> Array:

@@ -123,6 +123,7 @@ class PolynomialErrors:
         ends = np.cumsum([0, *lengths.values()]).tolist()
         return dict(zip(lengths, map(slice, ends, ends[1:]), strict=True))
 
+    @cached_property
     def polynomials(self) -> list[tuple[str, slice]]:
         """Letter and place in a point of each of A, C, D and F_i that has coefficients."""
         o = self.orders
@@ -215,7 +216,7 @@ class PolynomialErrors:
     def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
         """Gauss-Newton approximation of the Hessian of the smoothed objective, (M, n, n)."""
         matrices = self._curvatures(points, smoothing, False)
-        for (_, part), barrier in zip(self.polynomials(), self._barriers(points), strict=True):
+        for (_, part), barrier in zip(self.polynomials, self._barriers(points), strict=True):
             matrices[:, part, part] += barriers[:, None, None] * barrier[2]
         return matrices
 
@@ -236,7 +237,7 @@ class PolynomialErrors:
         rows = [np.sqrt(np.trace(matrix[counted, counted]) / size) * triangle]
         rows.append(np.diag(np.sqrt(2.0 * self.state_weights())))
         for (_, part), (_, _, bends) in zip(
-            self.polynomials(), self._barriers(of_point), strict=True
+            self.polynomials, self._barriers(of_point), strict=True
         ):
             values, vectors = np.linalg.eigh(barrier * bends[0])
             rows.append(np.zeros((len(values), len(point))))
@@ -255,14 +256,14 @@ class PolynomialErrors:
         """Barriers at the edge of the stability region, (M,), their gradients and curvatures."""
         values, gradients = np.zeros(len(points)), np.zeros(points.shape)
         curvatures = np.zeros((*points.shape, points.shape[1]))
-        for (_, part), barrier in zip(self.polynomials(), self._barriers(points), strict=True):
+        for (_, part), barrier in zip(self.polynomials, self._barriers(points), strict=True):
             values += barrier[0]
             gradients[:, part], curvatures[:, part, part] = barrier[1:]
         return values, gradients, curvatures
 
     def _barriers(self, points: Array) -> Iterator[tuple[Array, Array, Array]]:
         """The same of each polynomial alone, by its own coefficients."""
-        for name, part in self.polynomials():
+        for name, part in self.polynomials:
             yield stability_barriers(np.ascontiguousarray(points[:, part]), self.radius_of(name))
 
     def mean_absolute_residuals(self, values: Array) -> Array:
@@ -347,7 +348,7 @@ class PolynomialErrors:
         if not len(rows):
             return moved
         finite = np.where(np.isfinite(points[rows]), points[rows], 0.0)
-        for name, part in self.polynomials():
+        for name, part in self.polynomials:
             inside = self.radius_of(name) * (1.0 - MARGIN)
             finite[:, part] = reflect_into_disc(finite[:, part], inside)
         moved[rows] = finite

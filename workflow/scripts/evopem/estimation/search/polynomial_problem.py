@@ -138,7 +138,7 @@ class PolynomialProblem(BasinHoppingProblem):
     def with_exchanged_poles(self, point: Array) -> tuple[Array, int]:
         """Points with sections of A, D and F exchanged, and evaluations: random points may all lead
         to where poles of the noise stand in the plant."""
-        parts = [part for name, part in self.errors.polynomials() if name != "c"]
+        parts = [part for name, part in self.errors.polynomials if name != "c"]
         starts = list(root_sections.with_exchanged_sections(point, parts))
         return self.completed(np.array(starts)) if starts else (np.empty((0, len(point))), 0)
 
@@ -342,7 +342,7 @@ class PolynomialProblem(BasinHoppingProblem):
     ) -> tuple[Array, int]:
         """Such points with one A or random ones, and the evaluations that they took."""
         points = np.zeros((count, self.errors.dimension))
-        for name, part in self.errors.polynomials():
+        for name, part in self.errors.polynomials:
             order = part.stop - part.start
             if name in "cd":
                 points[1:, part] = generator.standard_normal((count - 1, order))
@@ -362,7 +362,7 @@ class PolynomialProblem(BasinHoppingProblem):
             return discrete_recombination(parents, count, generator)
         pairs = generator.integers(len(parents), size=(2, count))
         offspring = np.zeros((count, parents.shape[1]))
-        for _, part in self.errors.polynomials():
+        for _, part in self.errors.polynomials:
             offspring[:, part] = root_sections.recombined_polynomials(
                 parents[:, part], pairs, generator
             )
@@ -375,7 +375,7 @@ class PolynomialProblem(BasinHoppingProblem):
         of A or D is moved together with the nearest one of C, or alone."""
         a, c, d = (self._parts[name] for name in "acd")
         places: list[tuple[slice, list[tuple[str, slice]]]] = [
-            (part, []) for name, part in self.errors.polynomials() if name == "f"
+            (part, []) for name, part in self.errors.polynomials if name == "f"
         ]
         for part in (a, d):
             places += [(part, []), (part, [("c", c)])] if c.stop - c.start >= 2 else [(part, [])]

@@ -184,7 +184,7 @@ class SectionCoordinates:
     """Reflection coefficients of the sections of A, C, D and F; other entries as in a point."""
 
     def __init__(self, errors: PolynomialErrors) -> None:
-        self._polynomials = [(part, errors.radius_of(name)) for name, part in errors.polynomials()]
+        self._polynomials = [(part, errors.radius_of(name)) for name, part in errors.polynomials]
 
     def of_points(self, points: Array) -> Array:
         """Coordinates of feasible points, (M, n); roots on the edge go a little inside."""
