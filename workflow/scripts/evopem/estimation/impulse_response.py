@@ -6,7 +6,7 @@ shaped by, and the variance of the noise, have the largest marginal likelihood, 
 decomposition of the regressors (Chen & Ljung 2013).
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
@@ -24,7 +24,9 @@ from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.signals.least_squares import triangle_of
 
 Kernel = Callable[[Array, int], tuple[Array, list[Array]]]
-"""P (n, n) of hyper-parameters, and its derivatives by each of them."""
+"""P (n, n) of hyper-parameters, or (n,) weights of responses that are 1 up to each lag, on which P
+is diagonal; and its derivatives by each of them."""
+Prior = tuple[Array, Array, list[Array]]  # X, or its sums up to each lag, P and its derivatives
 
 # Logarithms of the scale, of signals and coefficients of unit length, over the noise variance: of a
 # kernel that leaves nothing, and beyond which rounding counts.
@@ -47,10 +49,11 @@ APART, NEAR, FAR = 16, 10.0, 100.0
 def tuned_correlated(h: Array, n: int) -> tuple[Array, list[Array]]:
     """TC: ``c λ^max(i, j)``; ``h`` the logarithms of c and of the time constant ``-1/ln λ``."""
     lags, decay = np.arange(1.0, n + 1.0), -np.exp(-h[1])
-    power = np.exp(h[0] + decay * lags)
-    p = np.minimum.outer(power, power)
-    slope = -decay * lags
-    return p, [p, np.maximum.outer(slope, slope) * p]
+    p = np.exp(h[0] + decay * lags)
+    by_time = -decay * lags * p
+    for row in (p, by_time):
+        row[:-1] -= row[1:]
+    return p, [p, by_time]
 
 
 def diagonal_correlated(h: Array, n: int) -> tuple[Array, list[Array]]:
@@ -95,34 +98,38 @@ class Evidence:
         ``hyper``: rows of the inputs one after the other, scales relative to the noise variance,
         which has its likeliest value.
         """
-        likelihood = self._whitened([p for p, _ in self._priors(kernel, hyper)])
+        likelihood = self._whitened(self._priors(kernel, hyper))
         return likelihood[0] if likelihood else SPOILT
 
     def value_and_gradient(self, kernel: Kernel, hyper: Array) -> tuple[float, Array]:
         """:meth:`value` and its gradient."""
         priors = self._priors(kernel, hyper)
-        likelihood = self._whitened([p for p, _ in priors])
+        likelihood = self._whitened(priors)
         if likelihood is None:
             return SPOILT, np.zeros(hyper.size)
         value, lower, whitened = likelihood
-        inverse = scipy.linalg.lapack.dtrtri(lower, lower=1)[0]
-        power = float(whitened @ whitened)
-        weighted, gradient = inverse.T @ whitened, []
-        for x, (_, derivatives) in zip(self.blocks, priors, strict=True):
-            half, b = inverse[:, : len(x)] @ x, x.T @ weighted[: len(x)]
-            by_p = half.T @ half - np.outer(b, b) * (self.samples / power)
+        share, gradient = self.samples / float(whitened @ whitened), []
+        for x, p, derivatives in priors:
+            below = np.zeros((len(lower) - len(x), x.shape[1]))
+            half = scipy.linalg.lapack.dtrtrs(lower, np.vstack([x, below]), lower=1)[0]
+            b = whitened @ half
+            squares = np.sum(half**2, axis=0) if p.ndim == 1 else half.T @ half
+            by_p = squares - share * (b**2 if p.ndim == 1 else np.outer(b, b))
             gradient += [float(np.vdot(by_p, by_hyper)) for by_hyper in derivatives]
         return value, np.array(gradient)
 
-    def _priors(self, kernel: Kernel, hyper: Array) -> list[tuple[Array, list[Array]]]:
-        return [kernel(h, x.shape[1]) for h, x in zip(self._rows(hyper), self.blocks, strict=True)]
+    def _priors(self, kernel: Kernel, hyper: Array) -> list[Prior]:
+        pairs = zip(self.blocks, self._rows(hyper), strict=True)
+        priors = ((x, *kernel(h, x.shape[1])) for x, h in pairs)
+        return [(x.cumsum(axis=1) if p.ndim == 1 else x, p, slopes) for x, p, slopes in priors]
 
-    def _whitened(self, priors: Iterable[Array]) -> tuple[float, Array, Array] | None:
+    def _whitened(self, priors: Sequence[Prior]) -> tuple[float, Array, Array] | None:
         """The value, the Cholesky factor of the target's covariance, and the target whitened. None
         for priors of such a scale that rounding leaves nothing."""
         covariance = np.eye(len(self.target))
-        for x, p in zip(self.blocks, priors, strict=True):
-            covariance[: len(x), : len(x)] += x @ p @ x.T
+        for x, p, _ in priors:
+            of_input = (root := x * np.sqrt(p)) @ root.T if p.ndim == 1 else x @ p @ x.T
+            covariance[: len(x), : len(x)] += of_input
         try:
             lower = np.linalg.cholesky(covariance)
         except np.linalg.LinAlgError:
@@ -197,7 +204,9 @@ class Evidence:
 
 
 def _root(matrix: Array) -> Array:
-    """A square root of a covariance matrix that rounding may have made indefinite."""
+    """A square root of a kernel that rounding may have made indefinite."""
+    if matrix.ndim == 1:
+        return np.triu(np.tile(np.sqrt(matrix), (len(matrix), 1)))
     values, vectors = np.linalg.eigh(matrix)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
@@ -318,7 +327,7 @@ def delay_evidence(past: Array, lagged: Array, target: Array, samples: int, dela
     def evidence(place: int) -> Evidence:
         first, p = delays[place], past.shape[1]
         columns = past, lagged[:, first : first + LAGS], target[:, None] / size
-        r: Array = np.asarray(np.linalg.qr(np.hstack(columns), mode="r"))
+        r = triangle_of([np.hstack(columns)])
         return Evidence((r[:p, :p], r[:, p:-1]), r[:, -1], samples)
 
     return _lowest_values(evidence, len(delays)) + 2.0 * samples * np.log(size)

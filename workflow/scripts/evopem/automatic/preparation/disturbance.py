@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from itertools import product
+from typing import Any
 
 import numpy as np
 import scipy  # whose parts load on first use
@@ -214,10 +215,14 @@ def _objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
     """What ARX models without delays say of the objective."""
     orders, inputs = _orders(stretches, OBJECTIVE_ORDERS) or [1], stretches[0].inputs.shape[1]
     lowest, left = dict.fromkeys(("quadratic", "absolute"), np.inf), np.empty((0, 0))
+    outputs, known = _of_outputs(stretches), dict[int, list[Any]]()
     for name, n in product(lowest, orders):
         with suppress(NoModelError):
             model = Orders(na=n, nb=(n + 1,) * inputs)
-            fits = [fit(alone, model, name) for alone in _of_outputs(stretches)]
+            # A linear regression has one optimum by each: a descent from the other's suffices.
+            starts = [[f.model] for f in known.get(n, ())] or [[]] * len(outputs)
+            pairs = zip(outputs, starts, strict=True)
+            known[n] = fits = [fit(y, model, name, start, not start) for y, start in pairs]
             parts = [np.hstack(part) for part in zip(*(f.residuals for f in fits), strict=True)]
             residuals, parameters = np.concatenate(parts), sum(f.parameters for f in fits)
             penalty = parameters * np.log(len(residuals)) / len(residuals)
