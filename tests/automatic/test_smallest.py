@@ -12,6 +12,7 @@ from evopem.automatic.candidates import Candidate, Scorer, StructureSearch
 from evopem.automatic.cross_validation.folds import HeldOutScores, decide_folds
 from evopem.automatic.fit import CommonSettings
 from evopem.automatic.fold_errors import (
+    all_as_good,
     as_good,
     coloured_bic,
     gain_of_nothing,
@@ -91,6 +92,16 @@ def test_of_models_that_are_as_good_the_smallest_is_taken():
 def test_what_folds_or_bic_tell_apart_is_not(small):
     large = candidate(12)
     assert chosen(large, small)[0] is large
+
+
+@pytest.mark.parametrize(("parameters", "is_apart"), [(8, True), (10, True), (14, False)])
+def test_folds_that_differ_more_are_no_reason_for_larger_models(parameters, is_apart):
+    """Four folds tell a standard error to 40 %; a smaller model of lower error was told apart."""
+    best, apart = candidate(12), candidate(parameters, (0.05, 0.06, 0.05, 0.07, 0.06))
+    scattered = candidate(10, (0.2, -0.1, 0.2, -0.1, 0.15))
+    assert as_good(scattered, best, "simulation")
+    known = (best, apart, scattered)
+    assert all_as_good(known, best, "simulation") == [best, *[scattered] * (not is_apart)]
 
 
 def test_a_loss_too_small_to_count_is_none_though_every_fold_has_it():

@@ -352,13 +352,8 @@ class Scorer:
     def checks(self, candidate: Candidate) -> CandidateChecks:
         """What the checks of the report say of a candidate, on the compared samples."""
         if candidate not in self._checked:
-            self._checked[candidate] = check_model(
-                candidate.model,
-                candidate.structure,
-                self.stretches,
-                self.settings,
-                candidate.delays,
-            )
+            given = candidate.model, candidate.structure, self.stretches, self.settings
+            self._checked[candidate] = check_model(*given, candidate.delays)
         return self._checked[candidate]
 
     def on_all_samples(self, candidate: Candidate) -> Candidate:

@@ -54,6 +54,14 @@ def as_good(
     return float(np.log(score(candidate) / score(best))) <= largest
 
 
+def all_as_good(candidates: Sequence[Candidate], best: Candidate, kind: Kind) -> list[Candidate]:
+    """The models that do as well as the best one. Standard errors of few folds are uncertain: where
+    a model is told apart, so are larger ones of larger errors, however much their folds differ."""
+    score, equal = score_of(kind), [c for c in candidates if as_good(c, best, kind)]
+    apart = [(c.parameters, score(c)) for c in candidates if c not in equal]
+    return [c for c in equal if not any(p <= c.parameters and e < score(c) for p, e in apart)]
+
+
 def is_clearly_better(candidate: Candidate, rival: Candidate, kind: Kind) -> bool:
     """Whether an error is lower than that of a rival by 2 % and by a standard error."""
     gain = float(np.log(score_of(kind)(rival) / score_of(kind)(candidate)))

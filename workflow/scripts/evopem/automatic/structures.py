@@ -22,6 +22,7 @@ from evopem.automatic.fold_errors import (
     CLEAR_GAIN,
     STRONG,
     Kind,
+    all_as_good,
     as_good,
     coloured_bic,
     gain_of_nothing,
@@ -361,7 +362,7 @@ def _smallest_as_good(
     does = "predicts" if kind == "prediction" else "simulates"
     errors, equal = "one-step", list(candidates)
     if np.isfinite(score_of(kind)(best)):
-        equal = [candidate for candidate in candidates if as_good(candidate, best, kind)]
+        equal = all_as_good(candidates, best, kind)
     if kind == "prediction":
         chosen = _smallest(scorer, equal, BIC)
     else:
@@ -393,8 +394,7 @@ def _named(
     criterion: str,
     sentence: str = "",
 ) -> Decision:
-    best = {c.structure: c for c in sorted(candidates, key=score, reverse=True)}
-    best[chosen.structure] = chosen
+    best = {c.structure: c for c in [*sorted(candidates, key=score, reverse=True), chosen]}
     alternatives = tuple(Alternative(c.name, score(c)) for c in sorted(best.values(), key=score))
     sentence = sentence or f"{chosen.name} has the lowest score."
     return Decision(subject, chosen.name, alternatives, criterion, sentence)
