@@ -14,9 +14,13 @@ EXTRAS := --extra workflow --extra slurm --extra control
 UPGRADE ?=
 # A fifth of what is installed is imported: that is compiled then, by jobs beside each other.
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile --require-hashes -r
-# What a search needs, and all else, beside each other: pip takes one core.  The lock file is complete.
+# What a search needs, and all else, which is installed while its kernels are compiled; the lock file is
+# complete.  By uv in a third of pip's time, but for an index of which only pip has been told.
 SEARCH := annotated-types|llvmlite|numba|numpy|pydantic|pydantic-core|pyyaml|scipy|threadpoolctl|typing-.*
-HALF = awk '/^[a-z]/ {searches = /^($(SEARCH))==/} $(1)searches' requirements.lock | $(INSTALL) /dev/stdin --no-deps
+LOCKED = awk '/^[a-z]/ {chosen = /^($(1))==/} $(2)chosen'
+UV := $(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes --no-deps -r -
+HALF = $(call LOCKED,$(SEARCH),$(1)) requirements.lock | $(UV) || \
+	$(call LOCKED,$(SEARCH),$(1)) requirements.lock | $(INSTALL) /dev/stdin --no-deps
 # Two short searches, whose kernels the jobs of the first run would each compile.
 KERNELS := from numpy.random import default_rng; from evopem import SearchSettings, estimate; \
 	u, y = default_rng(1).standard_normal((2, 300)); \
@@ -106,6 +110,7 @@ $(BIN)/python:
 
 $(VENV)/installed: requirements.lock $(BIN)/python
 	@echo "Installing requirements.lock into $(VENV)"
+	@$(call LOCKED,uv) requirements-dev.lock | $(INSTALL) /dev/stdin --no-deps || true
 	@$(MAKE) --no-print-directory --jobs 2 install-search install-rest
 	@touch $@
 
