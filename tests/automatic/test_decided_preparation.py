@@ -161,6 +161,23 @@ def test_heavy_tails_of_noise_common_to_outputs_are_no_outliers():
     assert decide_objective([Segment(u, y)])[0] == "absolute"
 
 
+def test_samples_that_mostly_repeat_the_last_are_fitted_by_squares():
+    """Their median follows no input, though the residuals are likelier to have Laplace's
+    distribution; finer steps leave the decision to that.
+    """
+    generator = np.random.default_rng(2)
+    u = np.repeat(generator.random(50), 20)
+    plant = lfilter([0.0, 1.0], np.convolve([1.0, -0.96], [1.0, -0.6]), u - u.mean())
+    y = np.round(plant / plant.std() / 0.2)
+    stretch = Segment((u - u.mean())[:, None], (y - y.mean())[:, None])
+    assert decide_objective([stretch])[0] == "absolute"
+    objective, decision = decide_objective([stretch], [stretch])
+    assert (objective, decision.choice) == ("quadratic", "quadratic")
+    assert "squares are taken" in decision.sentence
+    few = replace(stretch, outputs=stretch.outputs + 1e-3 * generator.random((1000, 1)))
+    assert decide_objective([stretch], [few])[0] == "absolute"
+
+
 def test_an_output_that_drifts_is_not_taken_for_oversampled():
     """Nearly all power of the arm's output is drift below 1 Hz; its modes reach up to 37 Hz."""
     recording, _ = flexible_arm(1, 4000)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -31,8 +32,8 @@ OBJECTIVE_ORDERS, LEAST_EVIDENCE = (2, 4, 8, 12, 16), 3.0
 # Share of the ranks of their sizes that earlier changes of the inputs explain, of so many samples,
 # from which large residuals are what a linear model misses; standard deviations of that by chance.
 OF_INPUT, CHANGES, DEVIATIONS = 0.05, 16, 4.0
-# The share of the power of the response to the inputs that a filter leaves at least, or the drift
-# has of an output, and the logarithm by which held-out samples may be simulated worse.
+# The share of the power of the response to the inputs that a filter leaves at least, of an output
+# that drift has, or of samples that repeat the last; and by what logarithm simulations may lose.
 HALF, MOST_WORSE = 0.5, 0.01
 # Orders na, nb and nf of the models whose simulations are scored, nb and nf of each input.
 PROBES = ((2, 3, 0), (6, 7, 0), (0, 2, 2), (0, 4, 4))
@@ -192,7 +193,9 @@ def _probe_errors(fold: Fold, training: Sequence[Segment]) -> Array:
     return np.maximum(errors, np.finfo(float).tiny)
 
 
-def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
+def decide_objective(
+    stretches: Sequence[Segment], recorded: Sequence[Segment] = ()
+) -> tuple[str, Decision]:
     """The objective whose distribution of residuals is the likelier one.
 
     Least squares is the maximum-likelihood estimate for normal residuals, least absolute deviations
@@ -204,10 +207,18 @@ def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
     they are what a linear model misses, as of friction, and least squares give the linear model of
     the lowest simulation error (Enqvist & Ljung 2005).  So are those behind a delay longer than the
     largest ARX model: there the delays are taken out before.
+
+    Absolute deviations fit the median.  That of the next sample is the last one, whatever the
+    input does, where the sensor resolves so little that more than half of them repeat it.
+    `recorded`: The stretches before a filter, in which repeated samples are told.
     """
     objective, about = _objective(stretches)
     if objective == "absolute" and (behind := _behind_delays(stretches, OBJECTIVE_ORDERS)):
         objective, about = _objective(behind)
+    repeats = [np.diff(s.outputs, axis=0) == 0.0 for s in recorded]
+    if objective == "absolute" and repeats and np.concatenate(repeats).mean(axis=0).max() > HALF:
+        said = "Most samples repeat the last, and their median follows no input: squares are taken."
+        objective, about = "quadratic", replace(about, choice="quadratic", sentence=said)
     return objective, about
 
 

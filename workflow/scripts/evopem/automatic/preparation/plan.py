@@ -156,9 +156,10 @@ def decide_preparation(
     if recording.has_input:
         written = None if given.differences is None else HighPass(given.differences)
         settle("drift", "high_pass", lambda: decide_high_pass(first_prepared()), written)
+    recorded = [stretch.segment for stretch in stretches_of(recording, plan)]
     settle(
         *("objective", "objective"),
-        *(lambda: decide_objective(first_prepared(MOST_SAMPLES)), given.objective),
+        *(lambda: decide_objective(first_prepared(MOST_SAMPLES), recorded), given.objective),
     )
     return plan
 
