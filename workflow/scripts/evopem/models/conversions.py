@@ -33,9 +33,7 @@ def innovations_form(
         covariance = covariance.through(
             jacobian_of(partial(_matrices, o), parameters)[:, : len(covariance)]
         )
-    A, B, C, D, K, levels = (
-        np.ascontiguousarray(part.real) for part in _matrices(o, parameters.astype(complex))
-    )
+    A, B, C, D, K, levels = _matrices(o, parameters)
     shifts = tuple(max(nk - 1, 0) for nk in o.nk)
     return StateSpaceModel(
         *(A, B, C, D, K),
@@ -70,9 +68,8 @@ def _matrices(o: Orders, parameters: NDArray) -> tuple[NDArray, ...]:
     sizes = block_sizes(o)
     edges = list(pairwise(np.cumsum([0, *sizes]).tolist()))
     n, nu = sum(sizes), o.inputs
-    A = np.zeros((n, n), dtype=complex)
-    B, C = np.zeros((n, nu), dtype=complex), np.zeros((1, n), dtype=complex)
-    D, K = np.zeros((1, nu), dtype=complex), np.zeros((n, 1), dtype=complex)
+    shapes = (n, n), (n, nu), (1, n), (1, nu), (n, 1)
+    A, B, C, D, K = (np.zeros(shape, parameters.dtype) for shape in shapes)
     for first, stop in edges:
         A[range(first, stop - 1), range(first + 1, stop)] = 1.0
         C[0, first : min(first + 1, stop)] = 1.0

@@ -36,6 +36,8 @@ DENSITY_BANDWIDTH = 0.3
 # Weight of the square of a plant state against that of a residual.  It only bounds states that the
 # residuals that count do not determine: a prior of a thousand standard deviations.
 PLANT_WEIGHT = 1e-6
+NO_FRAMES: Array = np.empty((0, 0, 0))
+LineSearch = tuple[Array, Array, float, int]
 
 
 @dataclass(eq=False)
@@ -162,21 +164,22 @@ class Passes:
         self._problem = longest._record, stretches, longest.objective, longest._workspace
 
     def passed(
-        self, task: int, points: Array, smoothing: Array, barriers: Array
+        self, task: int, points: Array, smoothing: Array, barriers: Array, frames: Array = NO_FRAMES
     ) -> tuple[Array, Array]:
         """One pass over the points, for residuals in the workspace, values, or gradients."""
         state = State(np.ascontiguousarray(points), *_rest(len(points))[1:])
-        return tuple(passes(self._problem, task, state, smoothing, barriers, 0.0, 0, 0, 0)[2:])
+        given = smoothing, barriers, 0.0, 0, 0, 0, frames
+        return tuple(passes(self._problem, task, state, *given)[2:])
 
     def advance(
-        self, given: tuple[Array, Array, float, int], state: State, trials: int, few: int
+        self, given: LineSearch, state: State, trials: int, few: int, frames: Array = NO_FRAMES
     ) -> tuple[int, int]:
         """Trials of descents, as :func:`.bfgs.descend_by` asks for them, with given smoothing,
-        barriers, tolerance and iterations at most."""
+        barriers, tolerance and iterations at most; ``frames`` as of :func:`.gradient.passes`."""
         if not trials:
-            state.line["value"], state.g[:] = self.passed(GRADIENTS, state.x, *given[:2])
+            state.line["value"], state.g[:] = self.passed(GRADIENTS, state.x, *given[:2], frames)
             return 0, 0
-        return tuple(passes(self._problem, GRADIENTS, state, *given, trials, few)[:2])
+        return tuple(passes(self._problem, GRADIENTS, state, *given, trials, few, frames)[:2])
 
 
 @lru_cache(maxsize=64)

@@ -13,7 +13,7 @@ import numpy as np
 from evopem.arrays import Array, Flags, Indices
 from evopem.errors import InputError
 from evopem.estimation.pem.derived_errors import CoordinateErrors, KStepErrors
-from evopem.estimation.pem.kernels.bfgs import Descent, descend, descend_by
+from evopem.estimation.pem.kernels.bfgs import SENSITIVE, Descent, descend, descend_by, inverted
 from evopem.estimation.pem.kernels.gradient import GRADIENTS, VALUES
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import Passes
@@ -39,8 +39,6 @@ DEPENDENT, LEAST_SINGULAR = 1e-13, 1e-11
 # Variance inflation factor, a diagonal entry times that of the damped inverse, from which on the
 # eigenvalues are looked at.
 SUSPECTED = 1e8
-# Smallest ratio of a diagonal entry to the largest one at which a coordinate is sensitive.
-SENSITIVE = 1e-60
 
 
 class DescentStage(NamedTuple):
@@ -198,18 +196,12 @@ def _bfgs_in_frames(
     """BFGS in coordinates in which the Gauss-Newton matrix of each start is the identity."""
     starts = zip(points, smoothing, barriers, strict=True)
     frames = np.array([_frame(errors.curvature_root(*start)) for start in starts])
-
-    def evaluate(z: Array, rows: Indices) -> tuple[Array, Array]:
-        active = frames[rows]
-        trial = points[rows] + np.einsum("mnk,mk->mn", active, z)
-        values, gradients = errors.values_and_gradients(trial, smoothing[rows], barriers[rows])
-        return values, np.einsum("mnk,mn->mk", active, gradients)
-
-    def identities(z: Array, rows: Indices) -> Array:
-        return np.tile(np.eye(z.shape[1]), (len(rows), 1, 1))
-
-    given = np.zeros_like(points), identities, MAX_ITERATIONS, tolerance
-    ended = descend(evaluate, *given, refresh=False, wait=wait)
+    placed = np.concatenate([frames, points[:, :, None]], axis=2)
+    line_search = smoothing, barriers, tolerance, MAX_ITERATIONS
+    advance = partial(errors.passes.advance, line_search, frames=placed)
+    identities = np.tile(np.eye(points.shape[1]), (len(points), 1, 1))
+    given = np.zeros_like(points), lambda _, rows: identities[rows]
+    ended = descend_by(advance, *given, refresh=False, wait=wait)
     return replace(ended, points=points + np.einsum("mnk,mk->mn", frames, ended.points))
 
 
@@ -245,34 +237,14 @@ def nearly_dependent(matrices: Array, inverses: Array) -> Flags:
     """Which Gauss-Newton matrices, scaled, have an eigenvalue of the size of their rounding."""
     dependent = np.einsum("ijj,ijj->ij", matrices, inverses).max(axis=1) > SUSPECTED
     rows = np.flatnonzero(dependent)
-    dependent[rows] = np.linalg.eigvalsh(_scaled(matrices[rows])[0])[:, 0] < DEPENDENT
+    scaled, _ = inverted(np.ascontiguousarray(matrices[rows]), DAMPING)
+    dependent[rows] = np.linalg.eigvalsh(scaled)[:, 0] < DEPENDENT
     return np.asarray(dependent)
 
 
 def damped_inverses(matrices: Array, damping: float = DAMPING) -> Array:
     """Inverses of positive semidefinite matrices, scaled to a unit diagonal and damped."""
-    scaled, scale = _scaled(matrices)
-    np.einsum("ijj->ij", scaled)[:] += damping * matrices.shape[1]
-    inverses = np.linalg.inv(scaled)
-    damped = 0.5 * (inverses + np.swapaxes(inverses, 1, 2))
-    damped *= scale[:, :, None]
-    damped *= scale[:, None, :]
-    return np.asarray(damped)
-
-
-def _scaled(matrices: Array) -> tuple[Array, Array]:
-    """Matrices scaled to a unit diagonal, and the scales, (M, n).  Coordinates without any effect,
-    such as a noise state that has decayed, are not changed."""
-    diagonal = np.einsum("ijj->ij", matrices)
-    sensitive = diagonal > SENSITIVE * diagonal.max(axis=1, keepdims=True)
-    scale = np.where(sensitive, 1.0 / np.sqrt(np.where(sensitive, diagonal, 1.0)), 0.0)
-    scaled = matrices * scale[:, :, None]
-    scaled *= scale[:, None, :]
-    finite = np.isfinite(scaled).all(axis=(1, 2))
-    scaled[~finite] = np.eye(matrices.shape[1])
-    scale[~finite] = 1.0
-    np.einsum("ijj->ij", scaled)[:] = 1.0
-    return scaled, scale
+    return np.asarray(inverted(np.ascontiguousarray(matrices), damping)[1])
 
 
 def solve_linear(

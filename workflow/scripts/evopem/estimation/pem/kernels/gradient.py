@@ -256,19 +256,27 @@ def _unload_gradient(record, objective, table, lane, point, gradient):
 
 
 @partial(cached_njit, meanwhile="evopem.estimation.pem.kernels.gauss_newton")
-def passes(problem, task, state, smoothing, barriers, tolerance, limit, trials, few):
+def passes(problem, task, state, smoothing, barriers, tolerance, limit, trials, few, frames):
     """Trials of all descents, until so many are made or no more than ``few`` descents go on.  No
-    trials are a pass over the points of the state, so that all is compiled and loaded once.
+    trials are a pass over the points of the state, so that all is compiled and loaded once.  With
+    ``frames``, (M, n, n + 1), points are ``frames [z, 1]`` of the coordinates z that the state has.
     Returns trials, evaluations and what the last pass gave."""
     record, stretches, objective, workspace = problem
     made = evaluations = 0
     while True:
         rows = np.nonzero(state.line["active"])[0]
         trial = trial_points(state, rows) if trials else state.x
-        values, gradients = _pass_over_all(
-            *(record, stretches, objective, workspace, task, rows, trial),
+        points = trial.copy()
+        for k, r in enumerate(rows[: len(frames)]):
+            bfgs.multiply(frames[r, :, :-1].T, trial[k], points[k])
+            points[k] += frames[r, :, -1]
+        values, slopes = _pass_over_all(
+            *(record, stretches, objective, workspace, task, rows, points),
             *(smoothing[rows], barriers[rows]),
         )
+        gradients = slopes.copy()
+        for k, r in enumerate(rows[: len(frames)]):
+            bfgs.multiply(frames[r, :, :-1], slopes[k], gradients[k])
         if not trials:
             return made, evaluations, values, gradients
         evaluations += advance(state, rows, trial, values, gradients, tolerance, limit)
