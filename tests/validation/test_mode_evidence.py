@@ -1,5 +1,6 @@
 """Origin of modes on truths with one mode of the input and one of the noise."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from evopem import SearchSettings, estimate
 from evopem.models.mode_matching import OrderModel
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
-from evopem.validation.modal_parts import ModalParts
+from evopem.validation.modal_parts import ModalParts, held_out_mode_tests
 from evopem.validation.mode_evidence import doubts as reasons
 from evopem.validation.mode_evidence import table_of_models
 from evopem.validation.responses import divided, stretches_of
@@ -431,3 +432,14 @@ def test_a_mode_that_only_the_estimation_part_excites_is_tested_there(there):
         [OrderModel.of(4, 0.0, found)], 4, lambda each: divided(each, recording, 1600)
     )
     assert alone.modes[0].reached is not True
+
+
+def test_a_stretch_no_longer_than_a_delay_tells_nothing_of_modes():
+    """An identification of a recording with gaps had ended there."""
+    u, e = np.random.default_rng(5).standard_normal((2, 600))
+    model = example(nk=30)
+    y = model.simulate(u) + 0.1 * e
+    long, short = (stretches_of(model, Recording(u[:n], y[:n], 1.0)) for n in (600, 20))
+    alone = held_out_mode_tests(model.modes(), long, long)
+    assert held_out_mode_tests(model.modes(), [*long, *short], [*short, *long]) == alone
+    assert all(math.isnan(test.p_value) for test, *_ in held_out_mode_tests(model.modes(), short))

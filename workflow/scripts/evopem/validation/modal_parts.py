@@ -182,9 +182,12 @@ def held_out_mode_tests(
     of slower modes, those of the estimation are tested.
     """
     with np.errstate(all="ignore"):
-        records = [ModalParts.of(modes, stretch) for stretch in held_out]
-        known = [ModalParts.of(modes, stretch).beside_drift() for stretch in estimation]
-        tests = []
+        # Of a stretch that is no longer than a delay nothing is left to be tested.
+        records, known = (
+            [part for stretch in some if len((part := ModalParts.of(modes, stretch)).free)]
+            for some in (held_out, estimation)
+        )
+        known, tests = [part.beside_drift() for part in known], []
         for index, mode in enumerate(modes):
             of_input, of_noise = _input_test(records, index, mode.pole), NO_TEST
             if not (of_input.significant(SIGNIFICANCE) or of_input.would_show(SIGNIFICANCE)):
