@@ -37,6 +37,17 @@ def test_folds_hold_out_each_sample_once():
         assert total_samples(fold.training) + total_samples(fold.held_out) >= 90
 
 
+def test_a_tenth_before_held_out_samples_tells_their_state_unless_an_input_rests_there():
+    u = np.random.default_rng(7).standard_normal((1000, 2))
+    pasts = []
+    for rests in (False, True):
+        u[400:500, 1] *= not rests
+        pasts += [
+            fold.before[0].samples for fold in folds_of((Segment(u, u[:, 0]),), 2, 1, 25, None, 25)
+        ]
+    assert pasts == [0, 100, 0, 500]
+
+
 def test_a_rest_of_a_stretch_is_no_part_that_is_held_out():
     """The few samples before it, fewer than the delay, tell no state: simulations of it explode."""
     u, y, _ = output_error_record(1612)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import islice
 
 import numpy as np
@@ -20,12 +21,10 @@ from evopem.automatic.cross_validation.stretches import (
     folds_of,
     is_large,
     response_parts,
-    with_lead_in,
 )
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import likeliest_arx
 from evopem.errors import NoModelError
-from evopem.models.states import first_samples
 from evopem.signals.recording import Segment, total_samples
 from evopem.signals.spectra import LONGEST_LAG, cross_correlation, repetition_lag
 from evopem.validation.held_out_tests import whitened
@@ -276,35 +275,16 @@ def held_out_scores(
     centred = outputs - outputs.mean(axis=0)
     scale = np.mean(np.abs(centred), axis=0) if absolute else np.std(outputs, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
-    shortest = min(SHORTEST_BLOCK, total_samples(stretches) // 4)
-    inputs = np.concatenate([stretch.inputs for stretch in stretches])
-    # As of a record for validation: a longer past tells the state of slow poles too well.
-    lead_in = max(first_samples(len(inputs)), int(np.ceil(plan.shortest)))
-    designs, training = [], []
-    for design in plan.designs:
-        edges = _response_edges(stretches, design[0]) if plan.by_energy else None
-        folds = folds_of(tuple(stretches), *design, shortest, edges)
-        # The beginning of a recording determines state and level poorly.
-        has_past = any(before.samples for fold in folds for before in fold.before)
-        scored = []
-        for fold in folds:
-            parts = list(zip(fold.before, fold.held_out, strict=True))
-            parts = [part for part in parts if part[0].samples or not has_past]
-            parts = [with_lead_in(*part, lead_in, plan.shortest, inputs) for part in parts]
-            # A rest of a stretch tells little, and fewer samples before than a delay no state.
-            parts = [p for p in parts if min(s.samples for s in p) >= plan.shortest] or parts
-            scored += [parts] if parts else []
-            training += [fold.training] if parts else []
-        designs.append(scored)
+    designs = _scored_folds(tuple(stretches), plan)
     try:
-        models = iter(estimate(training))
+        models = iter(estimate([training for scored in designs for training, _ in scored]))
     except NoModelError:
         return HeldOutScores()
     logarithms, of_folds = [], []
     for scored in designs:
         of_design = [
             np.sum([_errors_on(model, *part, absolute) for part in parts], axis=0)
-            for parts, model in zip(scored, islice(models, len(scored)), strict=True)
+            for (_, parts), model in zip(scored, islice(models, len(scored)), strict=True)
         ]
         sums, counts = np.sum(of_design, axis=0)
         if not (counts[2] > 0).all():
@@ -316,6 +296,28 @@ def held_out_scores(
     if not stretches[0].has_input:
         simulation = fitted_level = np.inf
     return HeldOutScores(float(simulation), float(fitted_level), float(prediction), *by_kind)
+
+
+@lru_cache(maxsize=2)  # all candidates of a record are scored on the same parts
+def _scored_folds(
+    stretches: tuple[Segment, ...], plan: FoldPlan
+) -> list[list[tuple[tuple[Segment, ...], list[tuple[Segment, Segment]]]]]:
+    """Of each design: training parts of its folds, and scored samples behind those before them."""
+    shortest, designs = min(SHORTEST_BLOCK, total_samples(stretches) // 4), []
+    for design in plan.designs:
+        edges = _response_edges(stretches, design[0]) if plan.by_energy else None
+        folds = folds_of(stretches, *design, shortest, edges, plan.shortest)
+        # The beginning of a recording determines state and level poorly.
+        has_past = any(before.samples for fold in folds for before in fold.before)
+        scored = []
+        for fold in folds:
+            parts = list(zip(fold.before, fold.held_out, strict=True))
+            parts = [part for part in parts if part[0].samples or not has_past]
+            # A rest of a stretch tells little, and fewer samples before than a delay no state.
+            parts = [p for p in parts if min(s.samples for s in p) >= plan.shortest] or parts
+            scored += [(fold.training, parts)] if parts else []
+        designs.append(scored)
+    return designs
 
 
 def _logarithms(sums: Array, counts: Array, scale: Array, absolute: bool) -> Array:

@@ -25,14 +25,13 @@ def errors_simulated_on(
     fitted_level: bool = False,
     robust: bool = False,
 ) -> Array:
-    """Errors of a simulation of held-out samples that determine no state, (M, l), of the last M.
+    """Errors of a simulation of the last M held-out samples, (M, l).
 
-    It runs on from the samples before, whose fit determines its initial state, as that of a
-    validation does.  Where these are None or empty, the first tenth of the held-out samples do, and
-    are not scored.  A state that were fitted to what is scored would draw slow waves through drifts
-    with poles near the unit circle, and that of a predictor, which only noise that moves the plant
-    tells, would favour such models.  With ``fitted_level`` a constant is fitted to the scored
-    samples; ``robust`` takes its median, and the state that fits best.
+    Its initial state is the one that fits the samples before, as in a validation; without any,
+    the first tenth of the held-out samples, which are not scored.  A state fitted to scored samples
+    would draw slow waves through drifts with poles near the unit circle.  A predictor's state would
+    favour models whose noise moves the plant.  With ``fitted_level`` the mean of the errors is
+    taken away.  ``robust``: the state is of least absolute deviations, the level the median.
     """
     past = held_out.between(0, 0) if before is None else before
     return errors_with_levels(model, past, held_out, (fitted_level,), robust)[0]

@@ -1,5 +1,6 @@
 """The division of stretches into folds, and of the response to a single blow into parts."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -7,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from evopem.arrays import Array
+from evopem.models.states import first_samples as lead_in_of
 from evopem.signals.recording import Segment, total_samples
 
 # A stretch shorter than this is of no use.
@@ -23,8 +25,8 @@ class Fold:
 
     training: tuple[Segment, ...]
     held_out: tuple[Segment, ...]
-    # samples before each held-out segment, at most as many as it has; none at the beginning of a
-    # stretch
+    # samples before each held-out segment, of which its initial state is known; none at the
+    # beginning of a stretch
     before: tuple[Segment, ...]
 
 
@@ -49,6 +51,7 @@ def folds_of(
     blocks_per_fold: int,
     shortest: int,
     edges: tuple[int, ...] | None = None,
+    shortest_past: float | None = None,
 ) -> tuple[Fold, ...]:
     """Divide stretches into ``count * blocks_per_fold`` blocks, dealt out to the folds in turn.
 
@@ -59,6 +62,12 @@ def folds_of(
     ``count`` is the number of folds, at least 2; one block each gives contiguous folds, more give
     interleaved ones. ``edges`` are the ends of the parts of a response, each a fold of which the
     first is never held out.
+
+    The samples before held-out ones are as many as these. With ``shortest_past`` they are at most
+    a tenth of the record, from which a validation has its state: more tell that of slow poles too
+    well. All of them stay where an input rests in this tenth: states that it moved earlier are
+    larger than those it moves there. Where they are fewer than ``shortest_past``, the first
+    held-out ones are taken to them, if as many are left. Probes of preparations do no better so.
     """
     total, blocks = total_samples(stretches), count * blocks_per_fold
     folds = range(count)
@@ -69,6 +78,10 @@ def folds_of(
         folds = range(1, count - 1)
     starts = np.cumsum([0, *(stretch.samples for stretch in stretches)])
     owners = np.split(np.searchsorted(edges, np.arange(total), "right") - 1, starts[1:-1])
+    inputs = np.concatenate([stretch.inputs for stretch in stretches])
+    mean, least = inputs.mean(axis=0), LEAST_POWER * inputs.var(axis=0)
+    least_past = math.ceil(shortest_past or 0)
+    lead_in = total if shortest_past is None else max(lead_in_of(total), least_past)
     divided = []
     for fold in folds:
         training: list[Segment] = []
@@ -78,32 +91,20 @@ def folds_of(
             held = owner % count == fold
             cuts = np.flatnonzero(np.diff(held.astype(int))) + 1
             for begin, end in zip([0, *cuts], [*cuts, stretch.samples], strict=True):
-                part = stretch.between(begin, end)
                 if held[begin]:
-                    held_out.append(part)
-                    before.append(stretch.between(max(2 * begin - end, 0), begin))
-                elif part.samples >= shortest:
-                    training.append(part)
+                    first, scored = max(2 * begin - end, 0), begin
+                    last = stretch.inputs[max(begin - lead_in, first) : begin]
+                    if len(last) and (np.mean((last - mean) ** 2, axis=0) >= least).all():
+                        first = begin - len(last)
+                    missing = least_past - (begin - first)
+                    if begin and 0 < missing <= end - begin - least_past:
+                        scored += missing
+                    before.append(stretch.between(first, scored))
+                    held_out.append(stretch.between(scored, end))
+                elif end - begin >= shortest:
+                    training.append(stretch.between(begin, end))
         divided.append(Fold(tuple(training), tuple(held_out), tuple(before)))
     return tuple(divided)
-
-
-def with_lead_in(
-    before: Segment, held_out: Segment, lead_in: int, shortest: float, inputs: Array
-) -> tuple[Segment, Segment]:
-    """The last samples before, at most as many as the lead-in of a whole record, and those to be
-    scored: where the first are fewer than the shortest that determine a state, the first held-out
-    ones are of them, if enough are left.  All before, where one of the ``inputs`` of the record
-    rests in the last ones: states that it moved earlier are larger than these make them."""
-    if before.samples > lead_in:
-        last = before.between(before.samples - lead_in, before.samples)
-        power = np.mean((last.inputs - inputs.mean(axis=0)) ** 2, axis=0)
-        return last if (power >= LEAST_POWER * inputs.var(axis=0)).all() else before, held_out
-    missing = int(np.ceil(shortest)) - before.samples
-    if not before.samples or missing <= 0 or held_out.samples < missing + shortest:
-        return before, held_out
-    past = joined(before, held_out.between(0, missing))
-    return past, held_out.between(missing, held_out.samples)
 
 
 def joined(before: Segment, stretch: Segment) -> Segment:
