@@ -204,8 +204,9 @@ def numbers_of_states(scorer: Scorer) -> tuple[int, ...]:
     nu, ny, samples = first.inputs.shape[1], first.outputs.shape[1], scorer.samples
     limits = scorer.limits.ranges.nx
     low, high = limits or (1, MOST_STATES if nu else MOST_ALONE)
-    # Each stretch has an initial state of its own.
-    values = scorer.plan.least_training(samples) * ny // VALUES_PER_PARAMETER
+    # Of the smallest training part, about.  Each stretch has an initial state of its own.
+    left_out = -(-samples // min(count for count, _ in scorer.plan.designs))
+    values = (samples - left_out) * ny // VALUES_PER_PARAMETER
     affordable = min(values // (nu + 2 * ny + len(scorer.stretches)), samples // 12)
     high = min(high, affordable)
     if limits is None and high > SINGLE_STEPS:

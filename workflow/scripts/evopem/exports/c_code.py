@@ -191,6 +191,8 @@ def plain(text: str) -> str:
 def _context(exported: Exported) -> Context:
     model, signals, upper = exported.model, exported.signals, exported.name.upper()
     inputs, outputs = f"{upper}_INPUTS", f"{upper}_OUTPUTS"
+    # The poles of the predictor are the roots of C and of all F_i, or eigenvalues of ``A - K C``.
+    f = [roots(f[1:]) for f in model.F] if isinstance(model, PolynomialModel) else []
     parts = _polynomials(model) if isinstance(model, PolynomialModel) else _state_space(model)
     return {
         "version": __version__,
@@ -207,17 +209,11 @@ def _context(exported: Exported) -> Context:
         "logarithm": abs(signals.box_cox or 0.0) < _SMALLEST_BOX_COX,
         "preparation": _preparation(signals, model.sampling_rate),
         "simulation_fades": _fading(exported.poles),
-        "prediction_fades": _fading(_poles_of_predictor(model)),
+        "prediction_fades": _fading(np.concatenate([model.noise_zeros(), *f])),
         "polynomials": isinstance(model, PolynomialModel),
         **parts,
         "first": signals.lost + parts["first"],
     }
-
-
-def _poles_of_predictor(model: Model) -> Complex:
-    """Roots of C and of all F_i, or eigenvalues of ``A - K C``."""
-    f = model.F if isinstance(model, PolynomialModel) else ()
-    return np.concatenate([model.noise_zeros(), *(roots(denominator[1:]) for denominator in f)])
 
 
 def _fading(poles: Complex) -> str:

@@ -75,8 +75,7 @@ def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[i
         return {}
     first, second = ([math.log(m.frequency_hz) for m in modes] for modes in (estimates, references))
     distance = np.abs(np.subtract.outer(first, second))
-    near = distance <= math.log(1 + SAME_MODE)
-    return paired(np.where(near, distance**2, np.inf))
+    return paired(np.where(distance <= math.log(1 + SAME_MODE), distance**2, np.inf))
 
 
 def paired(costs: Array) -> dict[int, int]:
@@ -187,10 +186,10 @@ def cluster_modes(
         groups[into] |= groups.pop(from_)
         group_of = [into if group == from_ else group for group in group_of]
 
-    def median_frequency(group: dict[int, int]) -> float:
-        return float(np.median([modes[order][k].frequency_hz for order, k in group.items()]))
-
-    return sorted(groups.values(), key=median_frequency)
+    return sorted(
+        groups.values(),
+        key=lambda group: np.median([modes[order][k].frequency_hz for order, k in group.items()]),
+    )
 
 
 def _allowed(relative: float, *standard_errors: float) -> float:

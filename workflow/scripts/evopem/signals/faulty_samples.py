@@ -142,8 +142,7 @@ def without_outliers(segments: Sequence[Segment]) -> Cleaned:
     for group in _pieces(segments):
         for channel in range(outputs[0].shape[1]):
             parts = [(segments[k].inputs[a:b], outputs[k][a:b, channel]) for k, a, b in group]
-            replacements = _replacements(parts)
-            for (k, a, b), (y, mask) in zip(group, replacements, strict=True):
+            for (k, a, b), (y, mask) in zip(group, _replacements(parts), strict=True):
                 outputs[k][a:b, channel] = y
                 replaced[k][a:b, channel] |= mask
     return Cleaned(outputs, replaced)

@@ -176,11 +176,6 @@ class FoldPlan:
     late_response: int = 0  # coefficients of a response that comes back far after its beginning
     shortest: float = SHORTEST_BLOCK  # samples of a block, and before it, at least
 
-    def least_training(self, samples: int) -> int:
-        """Samples of the smallest training part of all folds, about."""
-        folds = min(count for count, _ in self.designs)
-        return samples - -(-samples // folds)
-
 
 @dataclass(frozen=True)
 class HeldOutScores:

@@ -51,11 +51,6 @@ class PreparationPlan:
         limits = (-np.inf if np.isnan(low) else low, np.inf if np.isnan(high) else high)
         object.__setattr__(self, "clipped", limits)
 
-    def for_others(self, recording: Recording) -> Self:
-        """The same for other recordings, whose first samples are kept, and without breaks."""
-        starts = (0,) * len(recording.segment_starts)
-        return replace(self, starts=starts, clipped=(-np.inf, np.inf), stuck=False)
-
 
 class Stretch(NamedTuple):
     """Samples between breaks, decimated and not yet filtered."""
@@ -224,7 +219,9 @@ def prepared_data(divided: PreparedData, plan: PreparationPlan, place: str) -> P
     kept = stretches_of(divided.estimation, plan)
     offsets = means_of([passed(stretch.segment, plan.high_pass) for stretch in kept])
     estimation, origins = _part(divided.estimation, before.estimation, plan, offsets, pole)
-    others = plan.for_others(divided.validation)
+    # Other recordings keep their first samples, and have no breaks.
+    starts = (0,) * len(divided.validation.segment_starts)
+    others = replace(plan, starts=starts, clipped=(-np.inf, np.inf), stuck=False)
     validation, held_out = _part(divided.validation, before.validation, others, offsets, pole)
     for origin, whole in zip(before.validation, divided.validation.segments, strict=True):
         if origin.recording not in {origin.recording for origin in held_out}:

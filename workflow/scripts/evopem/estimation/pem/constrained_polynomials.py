@@ -66,8 +66,7 @@ class RegionSections:
         for index, (section, _) in enumerate(factors):
             if index != k:
                 others = np.convolve(others, section)
-        size = len(factors[k][0]) - 1
-        return np.asarray(scipy.linalg.convolution_matrix(others, size))
+        return np.asarray(scipy.linalg.convolution_matrix(others, len(factors[k][0]) - 1))
 
     def active(self, bounded: Array) -> tuple[list[str], Array]:
         """Active constraints, and the directions of the coefficients that they leave free."""

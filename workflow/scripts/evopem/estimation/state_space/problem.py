@@ -119,8 +119,7 @@ class StateSpaceProblem(ErrorProblem):
         more = max(count // 3, 1, count - len(self.starts))
         points = np.vstack([self.starts, self.random(more, generator)])
         self.starts = None
-        values = self.values(points)
-        best = np.argsort(values, kind="stable")[:count]
+        best = np.argsort(self.values(points), kind="stable")[:count]
         return points[best], 2 * len(points)
 
     def random(self, count: int, generator: np.random.Generator) -> Array:

@@ -97,8 +97,7 @@ def add_lags(parameters, at, count, signal, q, step, s):
 @njit
 def _add_impulses(parameters, row, last, s):
     """Add the rows from ``row`` to ``last`` of a state to eight samples."""
-    zero = constant(0.0)
-    at = parameters, row, last, zero
+    at = parameters, row, last, constant(0.0)
     w0, w1, w2, w3 = _impulse(0, *at), _impulse(1, *at), _impulse(2, *at), _impulse(3, *at)
     w4, w5, w6, w7 = _impulse(4, *at), _impulse(5, *at), _impulse(6, *at), _impulse(7, *at)
     return sums_of_eight(s, (w0, w1, w2, w3, w4, w5, w6, w7))
