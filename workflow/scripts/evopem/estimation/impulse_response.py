@@ -308,15 +308,8 @@ def delay_evidence(past: Array, lagged: Array, target: Array, samples: int, dela
     constant, of predictors from past outputs and lags of the input behind the delay, whose
     coefficients have a prior. Those far above the lowest one are upper bounds.
 
-    Parameters
-    ----------
-    past, lagged, target : array
-        Past outputs (k, p), lags of the input from 0 on (k, n), and the output (k,), reduced to as
-        many rows as needed.
-    samples : int
-        That the rows stand for.
-    delays : range
-        Those that are compared.
+    ``past`` outputs (k, p), ``lagged`` inputs from lag 0 on (k, n), and the ``target`` output (k,)
+    are reduced to as many rows as needed, which stand for ``samples``.
     """
     size = float(np.linalg.norm(target))
     if size == 0.0:

@@ -213,7 +213,9 @@ def _constrained_optimum(
     """The optimum under constraints and priors, what is active there, and its free directions."""
     bounded = parameters.coordinates(free.point)
     nearest = parameters.point(bounded)[0]
-    if not priors.terms and _meets(parameters, bounded, free.point, nearest):
+    distance = float(np.max(np.abs(free.point - nearest), initial=0.0))
+    near = distance <= MEETS * float(np.max(np.abs(free.point), initial=1.0))
+    if not priors.terms and near and np.isfinite(parameters.barriers(bounded)[0]):
         return free, *parameters.active(parameters.unbounded(bounded, 0.0))
     wide = without_plant_radius(problem.errors)
     constrained = CoordinateErrors(errors_ahead(wide, horizon), parameters, priors, weight)
@@ -315,12 +317,6 @@ def _with_expected_modes(point: Array, priors: Priors) -> Array:
             changed[part] = np.real(np.poly([*left, pole, pole.conjugate()]))[1:]
             moved.append(changed)
     return np.array(moved).reshape(len(moved), len(point))
-
-
-def _meets(parameters: ConstrainedParameters, bounded: Array, point: Array, nearest: Array) -> bool:
-    barrier, _, _ = parameters.barriers(bounded)
-    distance = float(np.max(np.abs(point - nearest), initial=0.0))
-    return np.isfinite(barrier) and distance <= MEETS * float(np.max(np.abs(point), initial=1.0))
 
 
 def _covariance(

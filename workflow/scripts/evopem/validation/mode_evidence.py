@@ -146,15 +146,10 @@ def mode_table(
 ) -> ModeTable:
     """Collect the modes of models of several orders, each with its evidence.
 
-    Parameters
-    ----------
-    estimates : sequence of StateSpaceEstimate
-        Models of consecutive orders, at least three above the number that the record needs.
-    recording : Recording
-        Ends with the held-out samples; may begin with the estimation samples.  ValueError where it
-        has other channels than the models.
-    first : int, optional
-        First held-out sample of each segment; by default there are none, and no tests.
+    ``estimates``: of consecutive orders, at least three above the number that the record needs.
+    ``recording``: ends with the held-out samples; may begin with the estimation samples.
+    ``first``: held-out sample of each segment; by default there are none, and no tests.
+    ValueError where the recording has other channels than the models.
     """
     models = [OrderModel.of(e.model.order, e.bic, e.model) for e in estimates]
     chosen = min(models, key=lambda model: model.bic).order
