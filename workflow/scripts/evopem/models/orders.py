@@ -70,7 +70,7 @@ class Orders:
     ) -> None:
         counts = () if nb == 0 else _entries(nb, 1)
         of_inputs = {name: _entries(n, len(counts)) for name, n in (("nf", nf), ("nk", nk))}
-        if not counts and (_has_order(nf) or _has_order(nk)):
+        if not counts and any((*_entries(nf, 1), *_entries(nk, 1))):
             raise ValueError("without an input, nb = 0, nf and nk must be 0")
         if not counts:
             of_inputs = dict.fromkeys(of_inputs, ())
@@ -174,10 +174,6 @@ class Orders:
 
 def _entries(numbers: Numbers, count: int) -> tuple[int, ...]:
     return tuple(numbers) if isinstance(numbers, Sequence) else (numbers,) * count
-
-
-def _has_order(numbers: Numbers) -> bool:
-    return any(numbers) if isinstance(numbers, Sequence) else numbers != 0
 
 
 def armax_orders(na: int, nb: int, nc: int, nk: int) -> Orders:
