@@ -4,8 +4,6 @@ The names of the public interface stand in ``__init__.pyi``, once for type check
 import here; they load on first use, so that a light import stays light.
 """
 
-from __future__ import annotations
-
 import ast
 from importlib import import_module
 from pathlib import Path

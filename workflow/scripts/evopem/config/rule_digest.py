@@ -1,7 +1,5 @@
 """A digest of the code behind a script, for a workflow to notice that it changed."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

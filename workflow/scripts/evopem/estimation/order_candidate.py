@@ -1,10 +1,9 @@
 """A candidate of the order search, the race between those of a phase, and the selection of one."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -42,7 +41,7 @@ class Candidate:
     pruned: str = ""  # why it was left before the end of its search
 
     @classmethod
-    def of(cls, estimate: PolynomialEstimate, phase: str) -> Candidate:
+    def of(cls, estimate: PolynomialEstimate, phase: str) -> Self:
         """The candidate that an estimate is in a phase."""
         return cls(
             phase=phase,
