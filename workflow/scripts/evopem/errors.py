@@ -63,8 +63,7 @@ class LostModelError(InputError, NoModelError):
 
 FOR_RESULTS = ("pandas", "jinja2")
 FOR_FIGURES = (*FOR_RESULTS, "matplotlib")
-FOR_REPORT = FOR_FIGURES
-"""Packages of an extra, for :func:`check_packages`."""
+FOR_REPORT = FOR_FIGURES  # packages of an extra, for :func:`check_packages`
 
 
 def check_packages(needed: Sequence[str], source: str, work: str) -> None:

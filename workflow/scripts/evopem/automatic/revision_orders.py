@@ -28,10 +28,8 @@ NOISE_ORDERS = (1, 2, 3, 4, 6, 8, 10, 12)
 MOST_TRIALS = 12  # revisions that are tried in all
 # A revision is taken only if the error for the purpose grows by no more than this share.
 TOLERATED = 0.02
-DELAY = "Delay"
-"""The check that a model has the delays which its residuals ask for."""
-LENGTH = "Length of B"
-"""The check that the last coefficients of B are significant."""
+DELAY = "Delay"  # the check that a model has the delays which its residuals ask for
+LENGTH = "Length of B"  # the check that the last coefficients of B are significant
 
 Revision = tuple[str, Callable[[Candidate], Candidate | None]]
 """What a revision is called, and the candidate that it gives beside the best one so far."""

@@ -20,8 +20,7 @@ def built_in(text: str) -> Any:
     return Field(json_schema_extra={"built_in": text})
 
 
-NONE = "none"
-"""No input, or no resampling."""
+NONE = "none"  # no input, or no resampling
 
 Reference = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]
 """A channel: its number from 1, or its name, in which a ``*`` stands for any text."""

@@ -142,11 +142,9 @@ def batches_of(
     return {str(number): tuple(batch) for number, batch in enumerate(batches, start=1)}
 
 
-MARGIN_MINUTES = 10
-"""Of every job that estimates."""
+MARGIN_MINUTES = 10  # of every job that estimates
 
-SECONDS_OF_RECIPE = 3.5
-"""Processor time of a short recording by the automatic recipe."""
+SECONDS_OF_RECIPE = 3.5  # processor time of a short recording by the automatic recipe
 
 
 def recording_bytes(settings: DatasetSettings) -> int:

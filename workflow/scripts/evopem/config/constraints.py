@@ -10,8 +10,7 @@ from evopem.config.channels import key
 
 Hertz = Annotated[float, Field(ge=0, le=1e12)]
 Band = Annotated[tuple[Hertz, Hertz], key("two frequencies in Hz")]
-Bounds = tuple[float | None, float | None]
-"""Lower and upper bound; either may be None."""
+Bounds = tuple[float | None, float | None]  # lower and upper bound; either may be None
 
 Rule = tuple[bool, str, str, str]
 """Whether a constraint is refused, its key, the problem, and the remedy."""

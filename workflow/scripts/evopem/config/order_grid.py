@@ -19,14 +19,11 @@ from evopem.config.settings import (
 from evopem.config.structures import STRUCTURES, phases_of
 from evopem.errors import InputError
 
-AUTO_PLANT_UPPER = 14
-"""Upper end of ``orders.plant: auto``, the chapter's own."""
+AUTO_PLANT_UPPER = 14  # upper end of ``orders.plant: auto``, the chapter's own
 
-CandidateOrders = dict[str, int]
-"""The orders of a candidate by their names."""
+CandidateOrders = dict[str, int]  # the orders of a candidate by their names
 
-DELAY_REFINED_IN = "nb"
-"""The phase whose selection is compared with other lags of B."""
+DELAY_REFINED_IN = "nb"  # the phase whose selection is compared with other lags of B
 
 
 def phases_of_dataset(settings: DatasetSettings) -> tuple[str, ...]:

@@ -15,17 +15,13 @@ from pydantic import TypeAdapter, ValidationError
 from evopem.config.strict_yaml import MAX_DEPTH, Keys
 from evopem.errors import InputError
 
-ErrorDetails = Mapping[str, Any]
-"""What pydantic says of one error."""
+ErrorDetails = Mapping[str, Any]  # what pydantic says of one error
 
-MAX_NUMBER = 2.0**64
-"""Largest magnitude of any number in a configuration."""
+MAX_NUMBER = 2.0**64  # largest magnitude of any number in a configuration
 
-MAX_KEY = 300
-"""Most characters of a key or a name."""
+MAX_KEY = 300  # most characters of a key or a name
 
-ALL_SAMPLES = 1.0
-"""The fraction of samples that means all of them, where 1 is one sample."""
+ALL_SAMPLES = 1.0  # the fraction of samples that means all of them, where 1 is one sample
 
 _LINK = re.compile(r"\[([^]]*)\]\([^)]*\)")
 _NOT_TEXT = re.compile(r"[\x00\ud800-\udfff]")
@@ -36,8 +32,7 @@ _LIMITS = {
     "less_than": ("is not below", "lt"),
 }
 
-Steps = tuple[str | int, ...]
-"""The keys and positions that lead to a value."""
+Steps = tuple[str | int, ...]  # the keys and positions that lead to a value
 
 
 def shipped(folder: str) -> Path:

@@ -21,8 +21,7 @@ from evopem.config.channels import (
 from evopem.config.constraints import Constraints
 from evopem.config.strict_yaml import Keys
 
-Range = tuple[int, int]
-"""Lower and upper end of a range of orders, both included."""
+Range = tuple[int, int]  # lower and upper end of a range of orders, both included
 
 Structure = Literal[
     "fir", "impulse", "arx", "arma", "armax", "ararx", "ararmax", "oe", "bj", "general"
@@ -38,8 +37,7 @@ Refine = Literal["worst", "all", "best", "random"]
 Recipe = Literal["auto", "chapter"]
 Purpose = Literal["auto", "simulation", "prediction", "modes"]
 Differences = Annotated[int, Field(ge=0, le=4)]
-Share = Annotated[float, Field(gt=0, le=1)]
-"""A fraction of the samples."""
+Share = Annotated[float, Field(gt=0, le=1)]  # a fraction of the samples
 
 
 @dataclass(frozen=True)

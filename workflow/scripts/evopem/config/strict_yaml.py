@@ -15,14 +15,11 @@ import yaml
 
 from evopem.errors import InputError
 
-Keys = dict[str, Any]
-"""Keys and values of a mapping in YAML, before they become settings."""
+Keys = dict[str, Any]  # keys and values of a mapping in YAML, before they become settings
 
-MAX_DEPTH = 20
-"""Deepest nesting of lists and mappings; a configuration needs 6."""
+MAX_DEPTH = 20  # deepest nesting of lists and mappings; a configuration needs 6
 
-MAX_VALUES = 3_000_000
-"""Largest number of values once every alias is written out."""
+MAX_VALUES = 3_000_000  # largest number of values once every alias is written out
 
 _TAG = "tag:yaml.org,2002:"
 _RESOLVER = yaml.resolver.Resolver()

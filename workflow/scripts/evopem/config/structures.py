@@ -29,8 +29,7 @@ ORDER_NAMES = STRUCTURES["general"]
 REGULARISED = ("impulse",)
 """Structures whose coefficients have a prior, which makes one optimum of any length: no search."""
 
-WITHOUT_POLES = ("fir", *REGULARISED)
-"""Structures whose plant is B alone."""
+WITHOUT_POLES = ("fir", *REGULARISED)  # structures whose plant is B alone
 
 PHASES = ("delay", "plant", "nc", "nd", "na", "nb")
 """Every phase of an order search, in their order: each takes its predecessor's selection."""

@@ -38,8 +38,7 @@ _BYTE_ORDER_MARKS = {
 }
 
 T = TypeVar("T")
-Row = tuple[int, list[str]]
-"""Number of the line where a row ends, and its fields."""
+Row = tuple[int, list[str]]  # number of the line where a row ends, and its fields
 
 
 @dataclass(frozen=True)

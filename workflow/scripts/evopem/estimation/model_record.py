@@ -48,8 +48,7 @@ FORMS = {
 }
 _REMEDY = "give the model.json of a results folder"
 _LIBRARIES, _installed = ("numpy", "scipy", "numba"), cache(version)
-_FARTHEST = 10_000
-"""Polynomials that reach back so many samples are none that anybody estimates."""
+_FARTHEST = 10_000  # polynomials that reach back so many samples are none that anybody estimates
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,7 @@ from evopem.version import __version__
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-Context = dict[str, Any]
-"""What a template is given, by name."""
+Context = dict[str, Any]  # what a template is given, by name
 
 _MARK = "Written by evopem"
 _WIDTH = 96
@@ -38,8 +37,7 @@ _HEADERS = {
     *("limits", "locale", "math", "setjmp", "signal", "stdarg", "stdbool", "stddef", "stdint"),
     *("stdio", "stdlib", "string", "tgmath", "time", "wchar", "wctype"),
 }
-_SMALLEST_BOX_COX = 1e-19
-"""Below it, SciPy's transform is the logarithm."""
+_SMALLEST_BOX_COX = 1e-19  # below it, SciPy's transform is the logarithm
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-TEMPORARY = ".writing-"
-"""Start of the names of temporary folders."""
+TEMPORARY = ".writing-"  # start of the names of temporary folders
 _INSTALL = "install it, or evopem with its formats: pip install 'PATH[formats]'"
 
 

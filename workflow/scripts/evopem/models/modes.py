@@ -19,8 +19,7 @@ from evopem.models.polynomial_roots import root_gradient, roots
 DEFECTIVE = 1e-13
 
 
-Fields = dict[str, Any]
-"""Some fields of a :class:`Mode`."""
+Fields = dict[str, Any]  # some fields of a :class:`Mode`
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,7 @@ from typing import Any, NamedTuple, Self
 
 from evopem.config.structures import ORDER_NAMES, STRUCTURES, structure_name
 
-PER_INPUT = ("nb", "nf", "nk")
-"""Orders that each input has its own of."""
+PER_INPUT = ("nb", "nf", "nk")  # orders that each input has its own of
 
 Numbers = int | Sequence[int]
 

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from evopem.arrays import Array, Flags, Indices
 
-NORMAL_95 = 1.959963984540054
-"""Factor of a standard error for a 95 % interval."""
+NORMAL_95 = 1.959963984540054  # factor of a standard error for a 95 % interval
 # A gradient depends on an unidentifiable direction where the terms of their scalar product cancel
 # to no less than this share of their sum of magnitudes.  Directions of singular values below 1e-10
 # are taken for unidentifiable; rounding, 2e-16, turns each by 2e-6 towards any of tens of others.

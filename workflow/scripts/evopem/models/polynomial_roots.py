@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from evopem.arrays import Array, Complex
 from evopem.models.parameter_covariance import ParameterCovariance
 
-HALF = 0.5 + 1e-9
-"""Of the sampling rate, with what rounding adds."""
+HALF = 0.5 + 1e-9  # of the sampling rate, with what rounding adds
 # 95 % points of chi-square with one and two degrees of freedom.
 CHI_SQUARE_95 = {1: 3.841458820694124, 2: 5.991464547107979}
 

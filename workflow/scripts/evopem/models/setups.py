@@ -15,8 +15,7 @@ from evopem.models.state_space import StateSpaceModel
 # Two set-ups have the same mode where frequencies and shapes at common outputs differ by less: wide
 # enough that a set-up which contradicts the others is compared with them.
 SAME_FREQUENCY, SAME_SHAPE = 0.08, 0.5
-INPUT = "\0"
-"""What the name of an input begins with among channels: no output has it."""
+INPUT = "\0"  # what the name of an input begins with among channels: no output has it
 
 
 @dataclass(frozen=True, eq=False)

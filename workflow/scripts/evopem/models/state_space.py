@@ -18,8 +18,7 @@ from evopem.models.polynomial_roots import on_circle
 from evopem.models.states import delayed, fitted, levels_moved, powers_times, probable, states_of
 
 StateSpaceStructure = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
-PlainStructure = Literal["ss", "ss_oe"]
-"""Innovations form with K, and output-error form without."""
+PlainStructure = Literal["ss", "ss_oe"]  # innovations form with K, and output-error form without
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,7 @@ TINY, EPSILON = float(np.finfo(float).tiny), float(np.finfo(float).eps)
 DECAYED = 1e-20  # share of the largest response to a state below which it has decayed
 # Weight of samples that count where others say nothing.
 FAINT = 1e-8
-FIRST_SHARE = 0.1
-"""Share of a recording without a past that determines the state of its simulation."""
+FIRST_SHARE = 0.1  # share of a recording without a past that determines the state of its simulation
 REWEIGHTINGS = 5  # iterations of reweighted least squares towards least absolute deviations
 # A difference of BIC, for all samples, that is very strong evidence (Kass & Raftery 1995).
 VERY_STRONG = 10.0

@@ -15,8 +15,7 @@ from evopem.files.atomic import save_arrays
 from evopem.signals.recording import numbered, paired_indexes, samples_of
 from evopem.signals.timestamps import RATE_TOLERANCE, timing
 
-DATA = "data"
-"""What an error calls the first argument of :func:`evopem.identify`."""
+DATA = "data"  # what an error calls the first argument of :func:`evopem.identify`
 
 _NOT_A_NAME = ("", "file", "allow_pickle")  # names that numpy's own arguments have
 

@@ -38,8 +38,7 @@ MOSTLY = 0.8
 ON_LINES = " or distortion at the lines of the input themselves"
 AT_FLOOR = " This is as good as a linear model can be, to a tenth of the error."
 _NO_MODE = "The model has no oscillating mode."
-_SHOWN_WHOLE = 3
-"""Up to so many data sets are shown with their modes, more with a line each."""
+_SHOWN_WHOLE = 3  # up to so many data sets are shown with their modes, more with a line each
 _SHOWN, _MOST_DELAYS = 40, 3
 _PLAIN = str.maketrans(
     {"\u202f": " ", "\u2009": " ", "\u00a0": " ", "\u2212": "-", "\u2013": "-", "\u00b1": "+-"}

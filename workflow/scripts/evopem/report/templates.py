@@ -27,8 +27,7 @@ from evopem.validation.checks.check import p_text, root_text
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-Context = dict[str, Any]
-"""What a template is given, by name."""
+Context = dict[str, Any]  # what a template is given, by name
 
 
 NEAR = 1.001  # the search counts as near its final objective from this ratio on

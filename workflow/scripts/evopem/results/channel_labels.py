@@ -41,8 +41,7 @@ class Channel:
         return with_unit(self.prepared, self.prepared_unit)
 
 
-Pair = tuple[Channel, Channel | None]
-"""An output with an input, or alone."""
+Pair = tuple[Channel, Channel | None]  # an output with an input, or alone
 
 
 def gain_unit(output: Channel, source: Channel | None) -> str:

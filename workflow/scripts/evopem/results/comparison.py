@@ -21,10 +21,8 @@ from evopem.validation.checks import failed_checks
 from evopem.validation.level_changes import FEWEST, fits
 
 T = TypeVar("T")
-Modes = Sequence[Mode | None]
-"""A mode as each of some models has it."""
-MOST = 6
-"""More models than colours that a reader can distinguish are not compared."""
+Modes = Sequence[Mode | None]  # a mode as each of some models has it
+MOST = 6  # more models than colours that a reader can distinguish are not compared
 
 
 def spread_percent(modes: Modes) -> float:

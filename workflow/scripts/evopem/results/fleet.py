@@ -86,8 +86,7 @@ class DatasetSummary:
         return sum(check.passed is passed for check in self.checks)
 
 
-Entry = DatasetSummary | IncompleteDataset
-"""A data set in a list of all data sets."""
+Entry = DatasetSummary | IncompleteDataset  # a data set in a list of all data sets
 
 
 def summarize(evidence: Evidence, moves: Moves | None = None) -> DatasetSummary:

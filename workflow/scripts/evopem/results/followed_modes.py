@@ -75,8 +75,7 @@ class FollowedMode:
         return tuple(value - part for value, part in zip(values, explained, strict=True))
 
 
-_Track = list[tuple[int, Mode]]
-"""A mode with the number of each recording that has it."""
+_Track = list[tuple[int, Mode]]  # a mode with the number of each recording that has it
 
 
 def _level(track: _Track) -> float:

@@ -20,8 +20,7 @@ from evopem.files.job import unfinished_jobs
 from evopem.files.json_form import from_json, to_json
 from evopem.results.layout import BATCH_CHECKSUMS, DatasetFiles
 
-MADE_FROM = "made_from.json"
-"""Name of the file in the archive of a recording's results."""
+MADE_FROM = "made_from.json"  # name of the file in the archive of a recording's results
 
 
 @dataclass(frozen=True)

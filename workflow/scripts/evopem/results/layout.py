@@ -53,8 +53,7 @@ OVERVIEW = tuple(
 )
 """The lists of all data sets."""
 
-DAMAGE = f"{FOLDER}/damage_index.csv"
-"""The list of damage indices, where a reference is named."""
+DAMAGE = f"{FOLDER}/damage_index.csv"  # the list of damage indices, where a reference is named
 
 
 def lists_of(following: Following) -> tuple[str, ...]:
@@ -62,14 +61,11 @@ def lists_of(following: Following) -> tuple[str, ...]:
     return OVERVIEW if following.reference is None else (*OVERVIEW, DAMAGE)
 
 
-SETUPS = f"{FOLDER}/setups/{{structure}}.html"
-"""The page of a structure with several set-ups."""
+SETUPS = f"{FOLDER}/setups/{{structure}}.html"  # the page of a structure with several set-ups
 
-IDENTIFICATION = "identification"
-"""The job that takes a recording through all stages."""
+IDENTIFICATION = "identification"  # the job that takes a recording through all stages
 
-BATCH = "batches/{batch}"
-"""The job that does so for several recordings."""
+BATCH = "batches/{batch}"  # the job that does so for several recordings
 
 BATCH_CHECKSUMS = f"{FOLDER}/checksums/{BATCH}.sha256"
 """What the job of a batch writes when all its recordings are identified."""

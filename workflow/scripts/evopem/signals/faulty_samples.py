@@ -165,8 +165,7 @@ def _pieces(segments: Sequence[Segment]) -> Iterator[list[tuple[int, int, int]]]
         yield group
 
 
-Part = tuple[Array, Array]
-"""Inputs (N, m) and one output (N,), without gaps."""
+Part = tuple[Array, Array]  # inputs (N, m) and one output (N,), without gaps
 
 
 class _Arx(NamedTuple):

@@ -18,8 +18,7 @@ from evopem.signals.time_units import names_time
 from evopem.signals.timestamps import has_even_steps, timing
 from evopem.signals.transforms import regression_rows
 
-MOST_INCREASE = 0.95
-"""Larger share of the steps of a time that do not decrease."""
+MOST_INCREASE = 0.95  # larger share of the steps of a time that do not decrease
 
 # Largest order of the regressions, and samples for each of their orders at least.
 MOST_LAGS, SAMPLES_PER_LAG = 30, 20

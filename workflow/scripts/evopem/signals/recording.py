@@ -13,8 +13,7 @@ from evopem.arrays import Array, columns
 from evopem.errors import InputError
 from evopem.files.atomic import load_arrays, save_arrays
 
-MINIMUM_SAMPLES = 8
-"""A shorter recording is refused, whatever the model."""
+MINIMUM_SAMPLES = 8  # a shorter recording is refused, whatever the model
 
 
 def numbered(role: str, count: int, between: str = " ") -> tuple[str, ...]:

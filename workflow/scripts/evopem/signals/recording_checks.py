@@ -19,8 +19,7 @@ MAX_DESIGNED_LEVELS = 16
 SWITCHED = 1.0 / 3.0
 """An input with more than this share of its samples at each limit is switched between them."""
 
-MIN_SATURATED_RUN = 3
-"""This many equal samples in sequence at a signal's limit count as saturated."""
+MIN_SATURATED_RUN = 3  # this many equal samples in sequence at a signal's limit count as saturated
 # In coarse steps a parabola's top is 2 / (sqrt(2) - 1) times as long as a level beside it at most.
 TOP_OF_WAVE = 4.83
 

@@ -10,12 +10,10 @@ from evopem.arrays import Array
 from evopem.errors import InputError
 from evopem.signals.time_units import TIME_UNITS, stated_unit
 
-STEP_TOLERANCE = 0.1
-"""A step may differ from the median step by this share of it."""
+STEP_TOLERANCE = 0.1  # a step may differ from the median step by this share of it
 GRID_TOLERANCE = 1e-3
 """A stamp may differ from the uniform grid by half a step or this share of the recording."""
-RATE_TOLERANCE = 1e-3
-"""A stated rate may differ from that of the stamps by this share."""
+RATE_TOLERANCE = 1e-3  # a stated rate may differ from that of the stamps by this share
 _SECONDS_1990, _SECONDS_2050 = 6.3e8, 2.5e9
 _DAYS_2000, _DAYS_OF_A_CENTURY = (36526, 730486), 36525
 """Days at the beginning of the year 2000, as spreadsheets and MATLAB count them."""
@@ -28,24 +26,20 @@ _LARGEST_UPTIME = 1e18
 
 TICK_SPREAD = 0.1
 """Ticks of one clock may differ by this share of a tick, as 15 and 16 ms do of one of 15.6 ms."""
-KNOWN = 0.01
-"""Largest relative error of a rate that stamps of a coarse clock may leave."""
+KNOWN = 0.01  # largest relative error of a rate that stamps of a coarse clock may leave
 FEWEST, SMALLEST_SHARE = 10, 0.1
 """Steps of each length, and their share, from which on they are no repeated or lost samples."""
-_HALVINGS = 60
-"""Of the interval in which the step is searched; as many as a double has digits."""
+_HALVINGS = 60  # of the interval in which the step is searched; as many as a double has digits
 
 LONGEST_GAP, MOST_IN_GAPS = 20, 0.1
 """Steps between two stamps that are interpolated at most, and the largest share of samples."""
-GAP = 1.5
-"""Two stamps farther apart than so many usual steps have a gap between them."""
+GAP = 1.5  # two stamps farther apart than so many usual steps have a gap between them
 BLOCKS, SHORTEST_BLOCK = 8, 25
 """Parts of the stamps whose mean steps are compared, and their smallest number of steps."""
 LARGEST_CHANGE, SIGNIFICANT = 0.03, 6.0
 """Mean steps that differ by more than this share, and this many standard errors, are of two
 rates."""
-CLOSEST = 1e-6
-"""Two stamps closer than this share of the usual step are the same time."""
+CLOSEST = 1e-6  # two stamps closer than this share of the usual step are the same time
 
 
 @dataclass(frozen=True)

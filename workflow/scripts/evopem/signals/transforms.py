@@ -13,14 +13,10 @@ from evopem.errors import InputError
 from evopem.signals.least_squares import triangle_of
 from evopem.signals.recording import Recording
 
-PASS_BAND = 0.9
-"""Upper edge of the pass band, as a share of the new Nyquist frequency."""
-STOP_BAND_DB = 90.0
-"""Design attenuation (dB) from the new Nyquist frequency on; 80 dB are promised."""
-LARGEST_FACTOR = 10_000
-"""Largest numerator or denominator of the ratio of the two rates."""
-BOX_COX_RANGE = (-5.0, 5.0)
-"""Where ``auto`` looks for the Box-Cox parameter."""
+PASS_BAND = 0.9  # upper edge of the pass band, as a share of the new Nyquist frequency
+STOP_BAND_DB = 90.0  # design attenuation (dB) from the new Nyquist frequency on; 80 dB are promised
+LARGEST_FACTOR = 10_000  # largest numerator or denominator of the ratio of the two rates
+BOX_COX_RANGE = (-5.0, 5.0)  # where ``auto`` looks for the Box-Cox parameter
 
 
 @dataclass(frozen=True)

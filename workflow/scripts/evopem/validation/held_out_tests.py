@@ -58,8 +58,7 @@ class HeldOutTest:
         return replace(self, p_value=min(by_chance, 1.0) + 0.0 * self.p_value, fitted=fitted)
 
 
-NO_TEST = HeldOutTest(math.nan, math.nan, math.nan, 0)
-"""Of a part that a model does not have."""
+NO_TEST = HeldOutTest(math.nan, math.nan, math.nan, 0)  # of a part that a model does not have
 
 
 @dataclass(frozen=True, eq=False)

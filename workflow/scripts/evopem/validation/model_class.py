@@ -147,8 +147,7 @@ class _Stretch:
 
 Rows = Callable[[slice], tuple[Array, Array]]
 """Of some samples: known regressors, and those that are tested."""
-Regressors = Callable[[_Stretch, int], Rows]
-"""Those of an output of a stretch."""
+Regressors = Callable[[_Stretch, int], Rows]  # those of an output of a stretch
 
 
 def _lost(signals: Sequence[Array] | Array, first: int) -> Sequence[Array]:

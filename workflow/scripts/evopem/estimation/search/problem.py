@@ -19,8 +19,7 @@ SAME_OPTIMUM = 1e-6
 SAME_DESCENT = 1e-5
 SAME_COARSE_DESCENT = 1e-4  # the same for the coarse descents of a first pass
 
-Log = Callable[[str], None]
-"""What receives a line about the progress of a search."""
+Log = Callable[[str], None]  # what receives a line about the progress of a search
 
 
 class Problem(Protocol):

@@ -14,8 +14,7 @@ from evopem.errors import InputError
 from evopem.models.constraint_checks import check_fit as check
 from evopem.models.orders import Orders, orders_of
 
-LARGE = 60
-"""An order that no search of the automatic recipe exceeds."""
+LARGE = 60  # an order that no search of the automatic recipe exceeds
 
 
 def known_rate(settings: DatasetSettings) -> float | None:

@@ -35,14 +35,12 @@ _RESERVED = "|".join(map(re.escape, RESERVED_NAMES))
 DATASET_PATTERN = rf"(?!(?:{_RESERVED})/)[A-Za-z0-9][A-Za-z0-9_.-]*"
 """The form of a data set's name. A folder with a reserved name belongs to no data set."""
 
-LIST = "report:collect_fleet"
-"""The function that lists all data sets."""
+LIST = "report:collect_fleet"  # the function that lists all data sets
 
 FILES = DatasetFiles.of_dataset("{dataset}")
 """The files of a data set, with the wildcard in their paths."""
 
-Wildcards = Any
-"""The wildcards of a job: ``dataset``, or ``batch``, and those of its stage."""
+Wildcards = Any  # the wildcards of a job: ``dataset``, or ``batch``, and those of its stage
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from evopem.signals.readers.numpy_files import StoredArray, contents_of, in_memo
 from evopem.signals.readers.open_file import Contents, refusing_damage
 
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
-_HDF5_OFFSETS = (0, 512)
-"""Version 7.3 puts a block of 512 bytes in front."""
+_HDF5_OFFSETS = (0, 512)  # version 7.3 puts a block of 512 bytes in front
 
 
 @contextmanager

@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 
 from evopem.errors import InputError
 
-Reference = int | str
-"""A channel by its number, counted from 1, or by its name."""
+Reference = int | str  # a channel by its number, counted from 1, or by its name
 
-Properties = Mapping[str, Any]
-"""What a file says of itself or of a channel, by name."""
+Properties = Mapping[str, Any]  # what a file says of itself or of a channel, by name
 
 _SYMBOL = (
     r"(?:[yzafpnuµμmcdhkMGTPEZY]|da)?(?:m|s|g|A|K|mol|cd|Hz|N|Pa|J|W|C|V|F|Ω|Ohm|ohm|S|Wb|T|H|lm|lx"
@@ -29,8 +27,7 @@ _POWER = r"(?:\^?[+-]?\d+|\^\([+-]?\d+\)|\*\*-?\d+|[⁺⁻]?[¹²³⁴])?"
 UNIT = re.compile(rf"(?:{_SYMBOL}){_POWER}(?:[ ·⋅*/.-](?:{_SYMBOL}){_POWER})*")
 _HEADING = re.compile(r"(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*")
 
-LONGEST_LIST = 20
-"""An error lists at most this many channel names; a file may hold thousands."""
+LONGEST_LIST = 20  # an error lists at most this many channel names; a file may hold thousands
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,7 @@ LONGEST_PREAMBLE = 50
 """Up to this line, what is no number may belong to a preamble that was taken for samples."""
 
 _CLOCK = re.compile(r"\d:\d\d")
-_MISSING = ("", "nan", "+nan", "-nan")
-"""What a field of a missing sample holds, in lower case."""
+_MISSING = ("", "nan", "+nan", "-nan")  # what a field of a missing sample holds, in lower case
 
 
 @contextmanager

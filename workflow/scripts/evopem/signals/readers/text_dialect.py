@@ -19,8 +19,7 @@ SAMPLED_ROWS = 200
 MIN_SHARE_OF_VALUES = 0.9
 """Where a separator makes more fields than this share numbers, blanks do not separate fields."""
 
-Row = tuple[int, str]
-"""Line number, counted from 1, and text of the line."""
+Row = tuple[int, str]  # line number, counted from 1, and text of the line
 
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 _SPREADSHEET_ERROR = re.compile(
