@@ -27,10 +27,6 @@ Reference = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]
 
 Rate = Annotated[float, key("the sampling rate in Hz", ge=1e-9, le=1e12)]
 Seed = Annotated[int, key("the seed of all random draws", ge=0)]
-Synthesis = Literal["flexible_arm", "armax"]
-UnevenTime = Literal["refuse", "interpolate"]
-TimeUnit = Literal["s", "ms", "us", "ns", "min", "h", "d"]
-Vector = tuple[float, float, float]
 
 Units = str | tuple[str, ...] | dict[str, str]
 """The unit of all channels, of each in their order, or by their names."""
@@ -78,7 +74,9 @@ class ChannelSettings:
     ] = None
     """the number or name of the column that holds the time. Instead of `sampling_rate`; it is
     checked to be uniform"""
-    time_unit: Annotated[TimeUnit | None, built_in("that in the file")] = None
+    time_unit: Annotated[
+        Literal["s", "ms", "us", "ns", "min", "h", "d"] | None, built_in("that in the file")
+    ] = None
     """the unit of the time column"""
     input_unit: Units | None = None
     output_unit: Units | None = None
@@ -88,7 +86,7 @@ class ChannelSettings:
     """the decimal mark of the numbers. Of text tables"""
     frequency: Annotated[Reference | None, built_in("samples in time")] = None
     """the column of frequencies in Hz. Of [frequency responses](formats.md#frequency-responses)"""
-    uneven_time: UnevenTime = "refuse"
+    uneven_time: Literal["refuse", "interpolate"] = "refuse"
     """what is done where the time stamps are not uniform. `interpolate`: signals whose stamps are
     late or missing at times are [brought to even times](formats.md#time-stamps)"""
 
@@ -129,7 +127,7 @@ class RecordedSource:
 class SyntheticSource:
     """A simulated recording."""
 
-    synthesis: Synthesis
+    synthesis: Literal["flexible_arm", "armax"]
     """the simulated system. `flexible_arm` is a physical arm on a servomotor, `armax` a known ARMAX
     process"""
     seed: Seed = 1
@@ -154,7 +152,7 @@ def _vector(value: Any) -> Any:
 
 
 _Point = Annotated[str, BeforeValidator(lambda name: str(name) if isinstance(name, int) else name)]
-_Vector = Annotated[Vector, BeforeValidator(_vector)]
+_Vector = Annotated[tuple[float, float, float], BeforeValidator(_vector)]
 
 
 @dataclass(frozen=True)

@@ -228,10 +228,7 @@ def _largest_fit(settings: DatasetSettings) -> float:
     return max_samples(settings) * sample_requirements(settings).parameters
 
 
-CPUINFO = Path("/proc/cpuinfo")
-
-
-def blas_code(cpuinfo: Path = CPUINFO) -> dict[str, str]:
+def blas_code(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, str]:
     """Environment in which OpenBLAS takes its code for AVX2 on newer processors as well.
 
     The fastest for a processor rounds differently, and a search follows its last bits. Empty where

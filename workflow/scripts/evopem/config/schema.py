@@ -173,12 +173,8 @@ def _below(schema: Keys, path: Iterable[str | int]) -> Keys:
     """The part of a JSON schema that is about a value; without a description, what is above it."""
 
     def resolved(part: Keys) -> Keys:
-        of_part = {key: value for key, value in part.items() if key != "$ref"}
-        return (
-            schema["$defs"][part["$ref"].rpartition("/")[2]] | of_part
-            if "$ref" in part
-            else of_part
-        )
+        named = schema["$defs"][part["$ref"].rpartition("/")[2]] if "$ref" in part else {}
+        return {**named, **part}
 
     node = dict(schema)
     for step in path:

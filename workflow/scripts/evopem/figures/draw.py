@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-
 DASHED = (0, (4, 2))
 DOTTED = (0, (1.2, 1.6))
 FRAME = 1.3  # half the side of the frame around the unit circle

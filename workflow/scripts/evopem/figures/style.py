@@ -32,16 +32,14 @@ PAPER = "#fefefe"  # behind labels and inside open markers
 MODEL = "#0a5fa8"  # the parametric model and its band
 ERROR = "#c64b05"  # errors, bounds exceeded, selections
 TRUTH = "#0b8f6a"  # the known truth of a synthetic recording
-FOURTH = "#8b5aa8"  # a further curve of a family
-FIFTH = "#9a7b00"
 COLOURS = {
     "ink": INK,
     "muted": MUTED,
     "model": MODEL,
     "error": ERROR,
     "truth": TRUTH,
-    "fourth": FOURTH,
-    "fifth": FIFTH,
+    "fourth": "#8b5aa8",  # further curves of a family
+    "fifth": "#9a7b00",
 }
 
 # Background of a label that lies on lines.

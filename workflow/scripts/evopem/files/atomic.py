@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-
 TEMPORARY = ".writing-"  # start of the names of temporary folders
 _INSTALL = "install it, or evopem with its formats: pip install 'PATH[formats]'"
 

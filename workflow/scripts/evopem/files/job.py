@@ -123,9 +123,6 @@ def _read(logs: Path) -> Iterator[UnfinishedJob]:
             yield load(UnfinishedJob, file)
 
 
-_SECONDS_BETWEEN_LOOKS = 1.0
-
-
 def end_with_parent() -> None:
     """End this process when its parent process ends, even by a signal that it cannot handle.
 
@@ -135,7 +132,7 @@ def end_with_parent() -> None:
 
     def wait() -> NoReturn:
         while os.getppid() == parent:
-            time.sleep(_SECONDS_BETWEEN_LOOKS)
+            time.sleep(1.0)
         os._exit(1)
 
     threading.Thread(target=wait, daemon=True).start()
@@ -158,10 +155,8 @@ def _interrupt(*_: object) -> NoReturn:
     import psutil
 
     for job in psutil.Process().children(recursive=True):
-        try:
+        with suppress(psutil.NoSuchProcess):
             job.terminate()
-        except psutil.NoSuchProcess:
-            continue
     raise KeyboardInterrupt
 
 

@@ -29,11 +29,9 @@ def read_wall_clock(directory: Path) -> dict[str, float]:
     for path in sorted(directory.rglob("*.tsv")):
         parts = path.relative_to(directory).with_suffix("").parts
         stage = parts[1] if parts[0] in PHASES else parts[0]
-        try:
+        with suppress(OSError, ValueError, KeyError):
             taken = float(pd.read_csv(path, sep="\t")["s"].mean())
-        except (OSError, ValueError, KeyError):
-            continue
-        seconds[stage] = seconds.get(stage, 0.0) + taken
+            seconds[stage] = seconds.get(stage, 0.0) + taken
     return seconds
 
 

@@ -44,7 +44,6 @@ CHAPTER_MODES = tuple(
 # Sections 5.1 to 5.4.
 CHAPTER_ORDERS = armax_orders(7, 6, 7, 3)
 SPECTRAL_PEAKS = "near 2, 5 and 36, a broad one near 17"
-PLANT_ORDER, ORDER_OF_C, COEFFICIENTS_OF_B = 7, 7, 6
 # Alternatives that the table shows beside the choice: all structures of a choice of structures.
 MOST_RIVALS = 8
 
@@ -213,9 +212,9 @@ def compare_with_chapter(results: DatasetResults) -> list[tuple[str, str, str]]:
     return [
         ("Spectral peaks (Hz)", ", ".join(peaks) or "none", SPECTRAL_PEAKS),
         ("Delay nk", str(selected["delay"].single.nk), str(CHAPTER_ORDERS.single.nk)),
-        ("Plant order", str(selected["plant"].na), str(PLANT_ORDER)),
-        ("Order of C, nc", str(selected["nc"].nc), str(ORDER_OF_C)),
-        ("Coefficients of B, nb", str(selected["nb"].single.nb), str(COEFFICIENTS_OF_B)),
+        ("Plant order", str(selected["plant"].na), str(CHAPTER_ORDERS.na)),
+        ("Order of C, nc", str(selected["nc"].nc), str(CHAPTER_ORDERS.nc)),
+        ("Coefficients of B, nb", str(selected["nb"].single.nb), str(CHAPTER_ORDERS.single.nb)),
         ("Model", str(results.model.orders), str(CHAPTER_ORDERS)),
     ]
 

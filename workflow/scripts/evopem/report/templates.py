@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 Context = dict[str, Any]  # what a template is given, by name
 
-
 NEAR = 1.001  # the search counts as near its final objective from this ratio on
 
 

@@ -153,15 +153,9 @@ def _moves(moves: Moves) -> ListedMoves:
     for mode in moves.modes:
         ends = [(end.frequency_hz, end.frequency_se_hz) for end in (mode.modes[0], mode.modes[-1])]
         modes.append(ListedMove(*ends[0], *ends[1], mode.moves))
-    return ListedMoves(
-        model=moves.text,
-        schedule=moves.schedule,
-        is_better=moves.is_better,
-        is_stable=moves.is_stable,
-        error_percent=moves.error_percent,
-        constant_error_percent=moves.constant_error_percent,
-        modes=tuple(modes),
-    )
+    same = ("schedule", "is_better", "is_stable", "error_percent", "constant_error_percent")
+    of_both = {name: getattr(moves, name) for name in same}
+    return ListedMoves(model=moves.text, modes=tuple(modes), **of_both)
 
 
 def _listed(line: ModeLine, several: bool) -> ListedMode:
