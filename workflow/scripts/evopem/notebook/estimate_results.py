@@ -21,15 +21,17 @@ OF_RESULTS = (
 OF_MODEL = ("simulate", "predict")
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class EstimateResults:
     """The attributes of :class:`Results`, which are made when one of them is first asked for.
 
     No sample was held out: the samples of the estimate judge it as well, and its checks say so.
     """
 
-    asked: tuple[Any, ...]  # what :func:`.results_of_estimate` takes beside the estimate
-    model: Any
+    # What :func:`.results_of_estimate` takes beside the estimate.
+    asked: tuple[Any, ...] = field(kw_only=True)
     if TYPE_CHECKING:
+        model: Any
 
         def __getattr__(self, name: str) -> Any: ...  # of those above
 
@@ -70,5 +72,3 @@ for _source, _names in (("shown", OF_RESULTS), ("model", OF_MODEL)):
 @dataclass(frozen=True, eq=False, repr=False)
 class PolynomialResults(EstimateResults, PolynomialEstimate):
     """An estimated polynomial model that summarizes, plots, compares and reports itself."""
-
-    asked: tuple[Any, ...] = field(kw_only=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 class StateSpaceResults(EstimateResults, StateSpaceEstimate):
     """An estimated state-space model that summarizes, plots, compares and reports itself."""
 
-    asked: tuple[Any, ...] = field(kw_only=True)
-
 
 @wraps(estimate.estimates_of_orders)
 def estimates_of_orders(
@@ -46,8 +44,6 @@ def estimates_of_orders(
 @dataclass(frozen=True, eq=False, repr=False)
 class ResponseResults(EstimateResults, ResponseFit):
     """A model of frequency responses that summarizes, plots, compares and reports itself."""
-
-    asked: tuple[Any, ...] = field(kw_only=True)  # fewest and most modes, seed
 
     def _results(self) -> Results:
         from evopem.config.defaults import complete

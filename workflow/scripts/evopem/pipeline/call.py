@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from inspect import signature
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -29,5 +28,4 @@ def call(
     offered: dict[str, Any] = {"log": log, "cores": cores, "folder": folder}
     for key, value in values.items():
         offered[key] = int(value) if kinds.get(key) is int else value
-    accepted = signature(called).parameters
-    called(files, **typed, **{key: value for key, value in offered.items() if key in accepted})
+    called(files, **typed, **{key: value for key, value in offered.items() if key in kinds})

@@ -112,13 +112,12 @@ def _save_tables(files: DatasetFiles, fit: ResponseFit, record: ModelRecord, mos
     error = NORMAL_95 * np.sqrt(fit.variance_factor) / fit.weights
     gain = np.abs(responses.values)
     measured = {
-        "gain": gain,
-        "gain_lower": np.maximum(gain - error, 0.0),
-        "gain_upper": gain + error,
-        "phase_deg": np.angle(responses.values, deg=True),
+        "frequency_response_gain": gain,
+        "frequency_response_gain_lower": np.maximum(gain - error, 0.0),
+        "frequency_response_gain_upper": gain + error,
+        "frequency_response_phase_deg": np.angle(responses.values, deg=True),
+        "coherence": UNKNOWN,
     }
-    measured = {f"frequency_response_{name}": values for name, values in measured.items()}
-    measured["coherence"] = UNKNOWN
     write_table(files.spectrum, by_pair(*names, along, responses.frequencies, measured))
     shown = shown[shown <= most]
     response, (error, phase_error) = fit.response(shown), fit.relative_errors(shown)

@@ -29,8 +29,9 @@ from evopem.results.layout import IDENTIFICATION, DatasetFiles
 
 Announce = Callable[[Sequence[StageJob], int], None]
 
-# Seconds between two lines about one stage where there is no terminal; characters of the bar.
-PAUSE, BAR = 30.0, 10
+# Seconds between two lines about one stage where there is no terminal; characters of the bar;
+# failed recordings that are named.
+PAUSE, BAR, _SHOWN = 30.0, 10, 5
 
 
 @dataclass
@@ -178,9 +179,6 @@ def run_stage(name: str, folder: str | Path, log: Log | None = print) -> None:
     for job in parts + wanted:
         job.run(log)
     remove_parts(parts)
-
-
-_SHOWN = 5
 
 
 def identify_batch(
