@@ -6,9 +6,10 @@ from least_absolute import descended, loss
 
 from evopem import SearchSettings, estimate
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
-from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
+from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.estimate import estimate_state_space
 from evopem.estimation.state_space.problem import AbsoluteStateSpaceProblem
+from evopem.estimation.state_space.scaled_recording import scaled_recording
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, Segment, concatenated
 

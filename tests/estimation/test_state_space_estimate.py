@@ -13,7 +13,7 @@ from evopem.config.settings import SearchSettings
 from evopem.estimation.criteria import _recursion, autoregression_of
 from evopem.estimation.damped_descent import descend
 from evopem.estimation.delays import estimate_delays
-from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
+from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders
 from evopem.estimation.state_space.local_estimates import (
     WEIGHTINGS,
@@ -27,6 +27,7 @@ from evopem.estimation.state_space.point_model import (
     weighed_jacobians,
 )
 from evopem.estimation.state_space.problem import StateSpaceProblem
+from evopem.estimation.state_space.scaled_recording import scaled_recording
 from evopem.estimation.state_space.search import Rung, converted, descended, reductions
 from evopem.estimation.state_space.sections import (
     Layout,
@@ -163,15 +164,22 @@ def test_the_model_of_a_point_has_the_errors_of_the_point(structure):
         np.testing.assert_allclose(residuals, expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("gap", [0.3, 0.06, 0.04])  # from products, near their bound, without them
-def test_errors_are_those_of_least_squares(gap):
+@pytest.mark.parametrize("apart", [0.3, 1e-4, 1e-7])  # from products, near their bound, without
+def test_errors_are_those_of_least_squares(apart):
     errors, _ = problem("ss_oe", 6)
-    found = errors.projection(from_poles(errors, 0.9 - gap * np.arange(6) + 0j))
-    expected = np.linalg.lstsq(found.regressors, errors.data.outputs, rcond=None)[0]
-    left = errors.data.outputs - found.regressors @ expected
-    np.testing.assert_allclose(found.errors, left, atol=1e-9)
-    assert np.abs(found.basis.T @ found.errors).max() < 1e-13
-    np.testing.assert_allclose(found.basis.T @ found.basis, np.eye(found.basis.shape[1]), atol=3e-9)
+    point = from_poles(errors, 0.9 - 0.3 * np.arange(6) + 0j)
+    rows = errors.layout.rows(point)
+    rows[1] = rows[0]
+    rows[1, 0] -= apart
+    found = errors.projection(point)
+    assert (found.factor is None) == (apart == 1e-7)
+    scaled = found.regressors / np.linalg.norm(found.regressors, axis=0)
+    basis, y = np.linalg.qr(scaled)[0], errors.data.outputs
+    np.testing.assert_allclose(found.errors, y - basis @ (basis.T @ y), atol=1e-9)
+    # Corrected seminormal equations leave the rounding of what they multiply (Bjorck 1987).
+    assert np.abs(found.basis.T @ found.errors).max() < 1e-15 * (100.0 + np.linalg.cond(scaled))
+    unity = np.eye(found.basis.shape[1])
+    np.testing.assert_allclose(found.basis.T @ found.basis, unity, atol=1e-13)
 
 
 @pytest.mark.parametrize("order", [3, 6])

@@ -8,19 +8,19 @@ Pereyra 1973) with the Jacobian of Kaufman (1975).  A derivative is a signal of 
 row of C: one Gram matrix of those signals gives the normal equations.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import block_diag, qr
+from scipy.linalg import qr
 from scipy.linalg.blas import dgemm
 from scipy.linalg.lapack import dpotrf, dtrcon, dtrtri, dtrtrs
 
-from evopem.arrays import Array, Flags, Indices, Integers
+from evopem.arrays import Array, Indices
 from evopem.config.settings import OutputWeighting
-from evopem.errors import NoModelError
 from evopem.estimation.damped_descent import Weighing
+from evopem.estimation.state_space.scaled_recording import ScaledRecording
+from evopem.estimation.state_space.section_grams import section_gram
 from evopem.estimation.state_space.sections import (
     Layout,
     SectionArrays,
@@ -34,12 +34,11 @@ from evopem.estimation.state_space.sections import (
     state_matrix,
 )
 from evopem.models.state_space import PlainStructure
-from evopem.signals.recording import Recording, sample_times
 
 # Singular values of the regressors, their columns scaled to unit length, below this share of the
 # largest one are rounding; none can be where the reciprocal condition is above the second for each.
-# Above the third their products tell enough for a basis (CholeskyQR, Stathopoulos & Wu 2002).
-REGRESSOR_RANK, WELL_CONDITIONED, OF_PRODUCTS = 1e-9, 1e-8, 1e-4
+# Above the third their products tell enough, with corrections (Bjorck 1987).
+REGRESSOR_RANK, WELL_CONDITIONED, OF_PRODUCTS, REFINED = 1e-9, 1e-8, 1e-6, 2
 # Added to the variances of the errors, relative to the power of the outputs: errors of less than a
 # ten-millionth of an output carry no information, and a determinant would seek them out.
 ROUNDING = 1e-14
@@ -47,136 +46,9 @@ ROUNDING = 1e-14
 # Waves and drifts of others may be fitted to the noise, and go on behind the samples; a predictor
 # that has to forget loses the likelihood of a few parameters at most.
 FORGETTING = 3.0
+# Multiplications from which on Gram matrices of signals follow from equations of their sections.
+MANY_PRODUCTS = 1e7
 EDGE = 1e-9  # a pole moved to the radius stops just inside it
-
-
-@dataclass(frozen=True, eq=False)
-class ScaledRecording:
-    """Scaled signals of a recording with m inputs and l outputs, in segments."""
-
-    recording: Recording  # that they are made from, for its rate and names
-    delays: tuple[int, ...]  # nk of each input: with 0 it has a column of D
-    inputs: Array  # (N, m), shifted by their delays, over input_scales
-    outputs: Array  # (N, l), (y - output_offsets) / output_scales: of unit mean square
-    bounds: Integers  # (segments + 1,): first sample of each segment, and N
-    level_of: Indices  # (segments,): level of each segment, one for each recording
-    input_scales: Array
-    output_scales: Array
-    output_offsets: Array
-    drift: Array  # (N, k): slow changes of the outputs that the model does not explain
-
-    @property
-    def segments(self) -> int:
-        """Number of segments."""
-        return len(self.bounds) - 1
-
-    @property
-    def samples(self) -> int:
-        """Samples N of all segments."""
-        return len(self.outputs)
-
-    @property
-    def levels(self) -> int:
-        """Number of levels: of recordings, or none."""
-        return int(self.level_of.max(initial=-1)) + 1
-
-    @cached_property
-    def level_shares(self) -> Array:
-        """Share of the samples that have each level, (levels,)."""
-        lengths = np.diff(self.bounds)[: len(self.level_of)]
-        return np.bincount(self.level_of, lengths, self.levels) / self.samples
-
-    @property
-    def absolute_sizes(self) -> Array:
-        """Mean absolute values of the scaled outputs, (l,)."""
-        sizes = np.mean(np.abs(self.outputs), axis=0)
-        return np.where(sizes == 0.0, 1.0, sizes)
-
-    @property
-    def constants(self) -> Array:
-        """Regressors of the levels, (N, levels)."""
-        if not self.levels:
-            return np.empty((self.samples, 0))
-        regressors: Array = np.eye(self.levels)[np.repeat(self.level_of, np.diff(self.bounds))]
-        return regressors
-
-    @property
-    def feedthrough(self) -> Flags:
-        """Whether each input acts on the output of the same sample, (m,)."""
-        return np.array([delay == 0 for delay in self.delays], dtype=bool)
-
-    @property
-    def shifts(self) -> tuple[int, ...]:
-        """Samples by which each input is shifted."""
-        return tuple(max(delay - 1, 0) for delay in self.delays)
-
-
-def scaled_recording(
-    recording: Recording,
-    delays: int | Sequence[int] = 1,
-    level: bool = True,
-    drift_period: float | None = None,
-) -> ScaledRecording:
-    """Shift and scale the signals of a recording; ValueError when they or the delays do not fit.
-
-    Inputs with nk > 1 are not known at the first samples of a segment, which are left out.
-    ``drift_period``: the shortest period of the drift, samples.
-    """
-    count = recording.inputs.shape[1]
-    nk = (delays,) * count if isinstance(delays, int) else tuple(delays)
-    if len(nk) != count or any(delay < 0 for delay in nk):
-        raise ValueError(f"{count} inputs need {count} delays of at least 0, not {nk}")
-    segments = recording.segments
-    shortest = min(segment.samples for segment in segments)
-    if shortest <= max(nk, default=0) + 10:
-        raise NoModelError(f"a segment of {shortest} samples is too short")
-    for name, values in recording.signals.items():
-        if not np.isfinite(values).all():
-            raise ValueError(f"{name} must be finite")
-    if not recording.outputs.any(axis=0).all():
-        raise NoModelError("an output is zero throughout")
-    shifts = [max(delay - 1, 0) for delay in nk]
-    lost = max(shifts, default=0)
-    u = np.concatenate([_shifted(segment.inputs, shifts, lost) for segment in segments])
-    y = np.concatenate([segment.outputs[lost:] for segment in segments])
-    offsets = y.mean(axis=0) if level else np.zeros(y.shape[1])
-    y_scale, u_scale = _sizes(y - offsets), _sizes(u)
-    lengths = [segment.samples - lost for segment in segments]
-    numbers = np.unique(recording.segment_recordings, return_inverse=True)[1]
-    return ScaledRecording(
-        recording=recording,
-        delays=nk,
-        inputs=np.ascontiguousarray(u / u_scale),
-        outputs=np.ascontiguousarray((y - offsets) / y_scale),
-        bounds=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
-        level_of=numbers if level else np.empty(0, dtype=np.intp),
-        input_scales=u_scale,
-        output_scales=y_scale,
-        output_offsets=offsets,
-        drift=block_diag(*(_slow_cosines(at, drift_period) for at in sample_times(segments, lost))),
-    )
-
-
-def _shifted(inputs: Array, shifts: Sequence[int], lost: int) -> Array:
-    """Inputs of a segment less the first samples of it, each shifted, (N - lost, m)."""
-    stop = len(inputs)
-    columns = [inputs[lost - shift : stop - shift, k] for k, shift in enumerate(shifts)]
-    return np.column_stack(columns) if columns else np.empty((stop - lost, 0))
-
-
-def _sizes(signals: Array) -> Array:
-    """Root mean squares of signals, 1 for one of zeros."""
-    sizes = np.sqrt(np.mean(signals**2, axis=0))
-    return np.where(sizes > 0.0, sizes, 1.0)
-
-
-def _slow_cosines(times: Array, shortest: float | None) -> Array:
-    """Cosines over a recording of periods down to the shortest, (samples, k); without a mean."""
-    span = times[-1] - times[0] + 1.0
-    count = 0 if shortest is None else round(2 * span / shortest)
-    phase = np.pi * (times - times[0] + 0.5) / span
-    cosines: Array = np.cos(phase[:, None] * np.arange(1, count + 1))
-    return cosines - cosines.mean(axis=0) if span > len(times) else cosines
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,9 +59,19 @@ class Projection:
     sections: SectionArrays
     states: Array  # (N, n)
     regressors: Array  # (N, q): states, inputs with feedthrough, constants of levels, and drift
-    basis: Array  # (N, rank): orthonormal, of the regressors
+    factor: Array | None  # (q, q): R of ``regressors = Q R``, where their products tell it
+    found_basis: Array | None  # (N, rank), where they do not
     linear: Array  # (q, ny): least-squares C, D, constants and drift, transposed
     errors: Array  # (N, ny)
+
+    @cached_property
+    def basis(self) -> Array:
+        """Orthonormal, of the regressors, (N, rank)."""
+        if self.found_basis is not None:
+            return self.found_basis
+        basis = self.regressors @ dtrtri(self.factor)[0]
+        # Of products once it is orthogonal to 1e-4 (CholeskyQR2, Yamamoto et al. 2015).
+        return np.asarray(basis @ dtrtri(dpotrf(basis.T @ basis)[0])[0])
 
     @cached_property
     def covariance(self) -> Array:
@@ -281,13 +163,17 @@ class StateSpaceErrors:
         sizes = np.sqrt(np.diag(gram))
         sizes[sizes == 0.0] = 1.0
         triangle, failed = dpotrf(gram / np.outer(sizes, sizes))
+        solved = point, sections, states, regressors
         if not failed and dtrcon(triangle)[0] > OF_PRODUCTS:
-            basis = regressors @ (dtrtri(triangle)[0] / sizes[:, None])
-        else:
-            basis, triangle = qr(regressors / sizes, mode="economic", check_finite=False)
+            factor, errors = triangle * sizes, y
+            linear = np.zeros((len(sizes), y.shape[1]))
+            for _ in range(REFINED):
+                step = dtrtrs(factor, dtrtrs(factor, regressors.T @ errors, trans=1)[0])[0]
+                linear, errors = linear + step, errors - regressors @ step
+            return Projection(*solved, factor, None, linear, errors)
+        basis, triangle = qr(regressors / sizes, mode="economic", check_finite=False)
         if dtrcon(triangle)[0] > WELL_CONDITIONED * len(sizes):
             along = basis.T @ y
-            along += basis.T @ (y - basis @ along)  # of products the basis is orthogonal to 1e-8
             linear = dtrtrs(triangle, along)[0]
         else:
             left, singular, right = np.linalg.svd(triangle)
@@ -295,15 +181,13 @@ class StateSpaceErrors:
             basis = basis @ left[:, kept]
             along = basis.T @ y
             linear = (right[kept].T / singular[kept]) @ along
-        linear = linear / sizes[:, None]
-        errors = y - basis @ along
-        return Projection(point, sections, states, regressors, basis, linear, errors)
+        return Projection(*solved, None, basis, linear / sizes[:, None], y - basis @ along)
 
     def with_linear(self, point: Array, linear: Array) -> Projection:
         """Errors with given C, D and constants, (q, ny) as those of a projection; no basis."""
         sections, states, regressors = self._regression(point)
         errors, no_basis = self.data.outputs - regressors @ linear, np.empty((len(states), 0))
-        return Projection(point, sections, states, regressors, no_basis, linear, errors)
+        return Projection(point, sections, states, regressors, None, no_basis, linear, errors)
 
     def _regression(self, point: Array) -> tuple[SectionArrays, Array, Array]:
         """Sections of a point, the states, and all regressors."""
@@ -381,16 +265,29 @@ class StateSpaceErrors:
 
     def normal_equations(self, projection: Projection) -> tuple[Array, Array]:
         """Gradient and Gauss-Newton Hessian of the criterion, s of each section held."""
-        signals = self.signals.derivatives(projection.sections, projection.states)
-        along = projection.basis.T @ signals
-        # Less their part in the space of the regressors, without another array of this size.
-        against = signals.T @ projection.errors
-        signals = dgemm(-1.0, along.T, projection.basis.T, 1.0, signals.T, overwrite_c=True).T
+        gram, against = self._sums(projection)
         c = projection.linear[: self.order].T
         weights = self.weights(projection.covariance)
         per_sample = 2.0 / self.data.samples
-        hessian = per_sample * self.signals.contracted(
-            projection.sections, signals.T @ signals, c.T @ weights @ c
-        )
+        hessian = per_sample * self.signals.contracted(projection.sections, gram, c.T @ weights @ c)
         gradient = self.signals.summed(projection.sections, -against @ (weights @ c))
         return per_sample * gradient, hessian
+
+    def _sums(self, projection: Projection) -> tuple[Array, Array]:
+        """Sums of products of the derivatives' signals, less their part in the space of the
+        regressors: with each other, (n, n), and with the errors, (n, ny)."""
+        sections, states = projection.sections, projection.states
+        signals = self.signals.derivatives(sections, states)
+        if projection.factor is not None and signals.size * signals.shape[1] > MANY_PRODUCTS:
+            factors = [projection.errors, self.signals.of_drives, *self.direct]
+            ends = np.cumsum([factor.shape[1] for factor in factors[:2]])
+            against, driven, direct = np.split(signals.T @ np.hstack(factors), ends, axis=1)
+            gram, of_states = section_gram(self.signals, sections, signals, states, driven)
+            regressed = np.vstack([of_states, direct.T])
+            along = dtrtrs(projection.factor, regressed, trans=1)[0]
+            return gram - along.T @ along, against
+        along = projection.basis.T @ signals
+        against = signals.T @ projection.errors
+        # Without another array of this size.
+        signals = dgemm(-1.0, along.T, projection.basis.T, 1.0, signals.T, overwrite_c=True).T
+        return signals.T @ signals, against

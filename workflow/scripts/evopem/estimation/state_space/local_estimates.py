@@ -22,7 +22,7 @@ from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.prediction_errors import check_search_settings
 from evopem.estimation.search.problem import Log, SearchResult
 from evopem.estimation.state_space.entry_problem import EntryProblem
-from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
+from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.point_model import ScaledModel
 from evopem.estimation.state_space.problem import (
     POLISH_STEPS,
@@ -31,6 +31,7 @@ from evopem.estimation.state_space.problem import (
     TOLERANCE,
     StateSpaceProblem,
 )
+from evopem.estimation.state_space.scaled_recording import scaled_recording
 from evopem.estimation.state_space.search import (
     FINAL_WIDTH,
     NO_MODELS,

@@ -14,7 +14,8 @@ from evopem.estimation.pem.constrained_model import gain_of, pole_region, poles_
 from evopem.estimation.pem.constrained_parameters import Gain
 from evopem.estimation.pem.constrained_polynomials import FREE, KIND, SHARE, RegionSections
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
-from evopem.estimation.state_space.errors import EDGE, ScaledRecording, StateSpaceErrors
+from evopem.estimation.state_space.errors import EDGE, StateSpaceErrors
+from evopem.estimation.state_space.scaled_recording import ScaledRecording
 from evopem.estimation.state_space.sections import drawn_in
 
 

@@ -52,8 +52,8 @@ def derivative_signals(sigma, coupling, back, driven_by, pulses, signals, ratio,
     ``driven_by`` of ``signals``; ``pulses``, (segments, entries), are p at the first sample of each
     segment.
 
-    (N, 2 entries + 4 S): the responses p, then r, of the entries; the derivatives of both states of
-    each section by sigma, and s times those by delta.
+    (N, 2 entries + 4 S): the responses p, then r, of the entries; for each section the derivatives
+    of its second state by sigma, and s times that by delta; the same of the first states.
     """
     pairs, extra = len(ratio), 2 * len(sigma)
     of_state = np.repeat(np.arange(pairs) * (len(sigma) // max(pairs, 1)), 2)
@@ -69,10 +69,10 @@ def derivative_signals(sigma, coupling, back, driven_by, pulses, signals, ratio,
             now = out[t]
             for m in range(pairs):
                 even, odd = 2 * m, 2 * m + 1
-                now[extra + m] = p[even] + r[odd]
-                now[extra + pairs + m] = ratio[m] * r[even] + p[odd]
-                now[extra + 2 * pairs + m] = r[even]
-                now[extra + 3 * pairs + m] = p[even]
+                now[extra + even] = ratio[m] * r[even] + p[odd]
+                now[extra + odd] = p[even]
+                now[extra + 2 * pairs + even] = p[even] + r[odd]
+                now[extra + 2 * pairs + odd] = r[even]
             _advance(p, r, own_sigma, own_coupling, own_back, states[t])
     return out
 
@@ -297,8 +297,8 @@ class SectionSignals:
         m = np.arange(layout.sections)[:, None]
         p = m * layout.drives + np.arange(layout.drives)
         # Of each term and coordinate; those by sigma and delta of a section stand behind responses.
-        by_sigma = 2 * count + m, 2 * count + len(m) + m
-        by_delta = tuple(2 * len(m) + place for place in by_sigma)
+        by_sigma = 2 * (count + len(m) + m), 2 * (count + m)
+        by_delta = tuple(place + 1 for place in by_sigma)
         self._columns = np.array(
             [
                 np.hstack([by_sigma[0], by_delta[0], p, count + p]),

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from evopem.arrays import Array, Complex, Indices
-from evopem.estimation.state_space.errors import ScaledRecording, StateSpaceErrors
+from evopem.estimation.state_space.errors import StateSpaceErrors
+from evopem.estimation.state_space.scaled_recording import ScaledRecording
 from evopem.estimation.state_space.starting_points import from_matrices, from_poles, ridge
 
 # Lags of the long ARX models, and horizons of the instrumental estimates.
