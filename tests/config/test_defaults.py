@@ -156,14 +156,14 @@ def test_many_recordings_have_one_job_each(count, keys, jobs):
 
 
 @pytest.mark.parametrize(
-    # By estimate a recording takes 5.4 s: six of them are half a minute, 23 two minutes.
+    # By estimate a recording takes 3.6 s: nine of them are half a minute, 84 five minutes.
     ("per_job", "count", "sizes"),
     [
         (1, 40, [1] * 40),
         (16, 40, [16, 16, 8]),
         ("auto", 40, [9] * 4 + [4]),
         ("auto", 160, [10] * 16),
-        ("auto", 640, [34] * 18 + [28]),
+        ("auto", 1600, [84] * 19 + [4]),
     ],
 )
 def test_recordings_are_divided_into_batches_before_shards(per_job, count, sizes):

@@ -73,8 +73,8 @@ class Configuration:
     recording has jobs of its own."""
 
 
-SECONDS_OF_A_BATCH = 120.0
-"""Work of a job, by estimate, beside which the 2 s of its start are less than a fiftieth."""
+SECONDS_OF_A_BATCH = 300.0
+"""Work of a job, by estimate, beside which the 4 s of its start are less than a fiftieth."""
 
 LEAST_SECONDS, LEAST_BATCHES = 30.0, 16
 """Work beside which a start is a fifteenth; of more, so many batches keep cores busy to the end."""
