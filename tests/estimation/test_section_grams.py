@@ -23,7 +23,7 @@ def problem(structure: str, order: int, delays: int, lengths: list[int]) -> Stat
 
 @pytest.mark.parametrize("structure", ["ss", "ss_oe"])
 @pytest.mark.parametrize("order", [1, 2, 7, 12])
-@pytest.mark.parametrize("delays, lengths", [(1, [400]), (0, [150, 90, 200])])
+@pytest.mark.parametrize(("delays", "lengths"), [(1, [400]), (0, [150, 90, 200])])
 def test_sums_are_those_over_samples(monkeypatch, structure, order, delays, lengths):
     errors = problem(structure, order, delays, lengths)
     generator = np.random.default_rng(7)
