@@ -25,11 +25,11 @@ from scipy.signal import decimate
 import evopem
 from evopem.signals.best_linear_approximation import (
     excited_lines,
-    line_weights,
     period_of,
     spectra_of_periods,
 )
 from evopem.signals.recording import Recording
+from evopem.signals.spectra import line_weights
 
 SAMPLES_OF_LAST_PERIODS, BENCH_FACTOR, BENCH_RATE = 5 * 2500, 4, 625.0
 

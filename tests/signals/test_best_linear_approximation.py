@@ -9,13 +9,13 @@ from evopem.signals.best_linear_approximation import (
     best_linear_approximation,
     excited_lines,
     interpolated_lines,
-    line_weights,
     period_of,
     realisations_of,
     same_realisation,
     spectra_of_periods,
 )
 from evopem.signals.recording import Recording, concatenated
+from evopem.signals.spectra import line_weights
 from evopem.validation.distortion import distortion_of
 from evopem.validation.responses import stretches_of
 

@@ -124,13 +124,7 @@ def armax(
         model.C, model.A, deviation * generator.standard_normal(total)
     )
     output = undo_stationarity(output[WARM_UP:], box_cox, difference)
-    recording = Recording(
-        inputs=u[WARM_UP:],
-        outputs=output,
-        sampling_rate=sampling_rate,
-        input_names=("input",),
-        output_names=("output",),
-    )
+    recording = Recording(u[WARM_UP:], output, sampling_rate)
     truth = Truth(
         kind="armax",
         seed=seed,
@@ -149,12 +143,11 @@ def armax(
 
 def undo_stationarity(signal: Array, box_cox: float | None, difference: int) -> Array:
     """Sum a signal, lift it above zero and transform it; Box-Cox and differencing bring it back."""
-    summed = signal
     for _ in range(difference):
-        summed = np.cumsum(summed)
+        signal = np.cumsum(signal)
     if box_cox is None:
-        return summed
-    return scipy.special.inv_boxcox(summed - summed.min() + np.std(summed), box_cox)
+        return signal
+    return scipy.special.inv_boxcox(signal - signal.min() + np.std(signal), box_cox)
 
 
 def flexible_arm(

@@ -245,10 +245,8 @@ def _polynomials(model: PolynomialModel) -> Context:
 
 def _table(rows: Sequence[Array]) -> Array:
     """Rows in one array, the shorter ones with zeros at their ends."""
-    table = np.zeros((len(rows), max(map(len, rows), default=1)))
-    for place, row in enumerate(rows):
-        table[place, : len(row)] = row
-    return table
+    width = max(map(len, rows), default=1)
+    return np.reshape([np.pad(row, (0, width - len(row))) for row in rows], (len(rows), width))
 
 
 def _state_space(model: StateSpaceModel) -> Context:

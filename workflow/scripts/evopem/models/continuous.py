@@ -1,6 +1,7 @@
 """Continuous-time models: state space in s, transfer functions, and what process engineers read."""
 
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -64,9 +65,7 @@ class TransferFunction:
     def relative_degree(self) -> int:
         """The largest one that the data do not contradict, at a level of 5 %."""
         tested = (self.relative_degree_p(degree) > LEVEL for degree in range(1, len(self.num)))
-        return next(
-            (degree for degree, passed in enumerate(tested) if not passed), len(self.num) - 1
-        )
+        return sum(takewhile(bool, tested))
 
     def with_relative_degree(self, degree: int) -> Self:
         """The nearest one of a relative degree: ``x - P_xl P_ll^-1 l``, l the leading coefficients.

@@ -340,17 +340,9 @@ class _Part:
         alone = np.diag(precision)
         apart = precision @ (self.values - values) / np.sqrt(alone)
         row = int(np.argmax(np.abs(apart)))
-        names = [
-            (mode, quantity)
-            for mode, places in zip(self.modes, self.places, strict=True)
-            for quantity in (
-                *("frequency", "damping ratio"),
-                *(
-                    f"{part} of the shape at {channels[k]}"
-                    for part in ("real part", "imaginary part")
-                    for k in places
-                ),
-            )
-        ]
+        parts, names = ("real part", "imaginary part"), list[tuple[int, str]]()
+        for mode, places in zip(self.modes, self.places, strict=True):
+            shape = [f"{part} of the shape at {channels[k]}" for part in parts for k in places]
+            names += [(mode, quantity) for quantity in ("frequency", "damping ratio", *shape)]
         value, error = float(self.values[row]), float(1.0 / np.sqrt(alone[row]))
         return (*names[row], value, value - error * float(apart[row]), float(apart[row]))

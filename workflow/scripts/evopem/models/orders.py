@@ -151,15 +151,8 @@ class Orders:
         )
 
     def _smallest_structure(self) -> str:
-        return next(
-            name
-            for name, names in STRUCTURES.items()
-            if not any(
-                any(getattr(self, order)) if order in PER_INPUT else getattr(self, order)
-                for order in ORDER_NAMES
-                if order not in names
-            )
-        )
+        used = {name for name in ORDER_NAMES if any(_entries(getattr(self, name), 1))}
+        return next(structure for structure, names in STRUCTURES.items() if used <= set(names))
 
     def __str__(self) -> str:
         texts = []

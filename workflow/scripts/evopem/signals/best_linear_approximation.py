@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 
 from evopem.arrays import Array, Complex, Flags
 from evopem.signals.faulty_samples import runs_of
-from evopem.signals.spectra import overlapping_correlation, repetition_lag
+from evopem.signals.spectra import line_weights, overlapping_correlation, repetition_lag
 
 UNLIKE = 0.1  # periods of an input are alike up to this share of their standard deviation
 # Noise is as unlike after two periods as after one; what is not belongs to a period between two
@@ -88,20 +88,11 @@ def _repeating(signals: Array, period: int) -> list[slice]:
 def spectra_of_periods(signals: Array, period: int) -> Complex:
     """Fourier coefficients of the last whole periods of signals, (N, c), as (P, F, c).
 
-    Lines 0 … T/2 of a period of T samples; :func:`line_weights` times the squared modulus is power.
+    Lines 0 … T/2 of T samples; :func:`.line_weights` times the squared modulus is power.
     """
     count = len(signals) // period
     parts = signals[len(signals) - count * period :].reshape(count, period, -1)
     return np.asarray(np.fft.rfft(parts, axis=1) / period)
-
-
-def line_weights(period: int) -> Array:
-    """Shares of the squared coefficients at lines 0 … T/2 in the mean square of a signal, (F,)."""
-    weights = np.full(period // 2 + 1, 2.0)
-    weights[0] = 1.0
-    if period % 2 == 0:
-        weights[-1] = 1.0
-    return weights
 
 
 def excited_lines(inputs: Complex) -> Flags:

@@ -39,16 +39,10 @@ def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
             known = (narrower >= start - width) & (narrower <= stop + width)
             if cells == 1 or not known.any():
                 prominences[top] = prominence
-    return [
-        SpectralPeak(
-            frequency_hz=float(spectrum.frequencies[index]),
-            density=float(spectrum.density[index]),
-            prominence_db=float(prominences[index]),
-            lower=float(spectrum.lower[index]),
-            upper=float(spectrum.upper[index]),
-        )
-        for index in sorted(prominences)
-    ]
+    tops = sorted(prominences)
+    parts = spectrum.frequencies, spectrum.density, spectrum.lower, spectrum.upper
+    rows = zip(tops, *(part[tops].tolist() for part in parts), strict=True)
+    return [SpectralPeak(f, density, float(prominences[k]), *band) for k, f, density, *band in rows]
 
 
 def line_spacing(frequencies: Sequence[float]) -> float | None:

@@ -25,6 +25,15 @@ CONFIDENCE = 0.95
 MAX_WEIGHT_ITERATIONS = 500
 
 
+def line_weights(period: int) -> Array:
+    """Shares of the squared coefficients at lines 0 … T/2 in the mean square of a signal, (F,)."""
+    weights = np.full(period // 2 + 1, 2.0)
+    weights[0] = 1.0
+    if period % 2 == 0:
+        weights[-1] = 1.0
+    return weights
+
+
 @dataclass(frozen=True)
 class Spectrum:
     """One-sided power spectral density with its 95 % confidence band."""
@@ -72,17 +81,13 @@ def multitaper_spectrum(
     variance.
     """
     spectra = _spectra([signal[:, None]], sampling_rate, time_halfbandwidth, nfft)
-    freedom = spectra.freedom
     # Both sides of the spectrum; zero and Nyquist stand alone.
-    density = 2.0 * spectra.matrices[:, 0, 0].real
-    density[0] /= 2.0
-    if nfft % 2 == 0:
-        density[-1] /= 2.0
+    density = line_weights(nfft) * spectra.matrices[:, 0, 0].real
     density *= float(spectra.variances[0]) / (density.sum() * sampling_rate / nfft)
     return Spectrum(
         frequencies=spectra.frequencies,
         density=density,
-        degrees_of_freedom=freedom,
+        degrees_of_freedom=spectra.freedom,
         time_halfbandwidth=float(time_halfbandwidth),
         tapers=spectra.tapers,
         nfft=nfft,
@@ -200,11 +205,8 @@ def _spectra(
         for k in range(channels)
     ]
     weights = np.exp(np.mean(np.log(of_channels), axis=0)) if channels > 1 else of_channels[0]
-    freedom = 2.0 * segments * weights.sum(axis=0) ** 2 / (weights**2).sum(axis=0)
     # Real coefficients have half the freedom of complex ones.
-    freedom[0] /= 2.0
-    if nfft % 2 == 0:
-        freedom[-1] /= 2.0
+    freedom = line_weights(nfft) * segments * weights.sum(axis=0) ** 2 / (weights**2).sum(axis=0)
     averaged = _weighted_average(weights[..., None, None], products)
     halfbandwidth = time_halfbandwidth * rate / longest
     tapers = len(concentrations)

@@ -41,9 +41,7 @@ def positive_shift(*signals: Array) -> float:
     and far enough from the transform's singularity that no single sample dominates.
     """
     smallest = min(float(signal.min()) for signal in signals)
-    if smallest > 0.0:
-        return 0.0
-    return float(np.std(signals[0])) - smallest
+    return 0.0 if smallest > 0.0 else float(np.std(signals[0])) - smallest
 
 
 def box_cox(signal: Array, parameter: float, shift: float, source: str = "box_cox") -> Array:

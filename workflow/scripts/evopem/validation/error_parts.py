@@ -18,8 +18,8 @@ from evopem.signals.best_linear_approximation import (
     best_linear_approximation,
     excited_lines,
     interpolated_lines,
-    line_weights,
 )
+from evopem.signals.spectra import line_weights
 
 # Lines left out, of the parity of the excited ones, that give the level of distortion there.
 FEWEST_LINES = 6

@@ -113,11 +113,7 @@ def split_spectra(
     frequencies = np.asarray(np.fft.rfftfreq(length, 1.0 / sampling_rate), np.float64)
     outside = second > NO_POWER * first
     share = float(second[outside].sum())
-    return SplitSpectra(
-        share_outside=share,
-        bands_hz=_bands(frequencies, outside, second),
-        comparable=share <= LARGEST_SHARE,
-    )
+    return SplitSpectra(share, _bands(frequencies, outside, second), share <= LARGEST_SHARE)
 
 
 def _relative_density(signal: Array, length: int) -> Array:

@@ -110,19 +110,12 @@ def correlation_table(
 
 def horizon_table(validation: Validation, sampling_rate: float) -> pd.DataFrame:
     """The errors by output and by horizon, in samples and in seconds."""
-    horizons = np.array(validation.horizons)
-    tables = [
-        pd.DataFrame(
-            {
-                "output": output.name,
-                "horizon": horizons,
-                "horizon_s": horizons / sampling_rate,
-                "error_percent": output.horizon_errors_percent,
-            }
-        )
+    rows = [
+        (output.name, horizon, horizon / sampling_rate, error)
         for output in validation.outputs
+        for horizon, error in zip(validation.horizons, output.horizon_errors_percent, strict=True)
     ]
-    return pd.concat(tables, ignore_index=True)
+    return pd.DataFrame(rows, columns=["output", "horizon", "horizon_s", "error_percent"])
 
 
 def simulation_table(
