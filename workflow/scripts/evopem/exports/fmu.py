@@ -74,22 +74,19 @@ def _variables(exported: Exported) -> Context:
     if len({*names, "time"}) <= len(names):
         names = [f"{k} {name}" for k, name in enumerate(names, start=1)]
     start = signals.start if signals.has_trend else 0.0
-    direct = _feedthrough(exported.model)
-    variables = []
-    for k, (name, channel) in enumerate(zip(names, channels, strict=True)):
-        is_input = k < len(signals.inputs)
-        variables.append(
-            {
-                "name": name,
-                "unit": printed(channel.unit),
-                "reference": k + 1,
-                "causality": "input" if is_input else "output",
-                "start": channel.last[0] if channel.last else channel.level + channel.trend * start,
-                "dependencies": []
-                if is_input
-                else 1 + np.flatnonzero(direct[k - len(signals.inputs)]),
-            }
-        )
+    direct = [1 + np.flatnonzero(acts) for acts in _feedthrough(exported.model)]
+    dependencies = [*[()] * len(signals.inputs), *direct]
+    variables = [
+        {
+            "name": name,
+            "unit": printed(channel.unit),
+            "reference": k,
+            "causality": "input" if k <= len(signals.inputs) else "output",
+            "start": channel.last[0] if channel.last else channel.level + channel.trend * start,
+            "dependencies": dependencies[k - 1],
+        }
+        for k, (name, channel) in enumerate(zip(names, channels, strict=True), start=1)
+    ]
     units = dict.fromkeys(variable["unit"] for variable in variables if variable["unit"])
     starts = [variable["start"] for variable in variables[: len(signals.inputs)]]
     return {"variables": variables, "units": [*units], "starts": starts, "begin": start}

@@ -146,10 +146,8 @@ def _check_poles(constraints: Constraints, orders: Orders, sampling_rate: float)
         _refuse("max_pole_radius", problem, 'give a radius below 1, or set stability to "free"')
     nyquist, band = sampling_rate / 2.0, constraints.frequency_band
     bands = [("frequency_band", band)] if band else []
-    for key, (lower, upper) in [
-        *bands,
-        *(("forbidden_bands", b) for b in constraints.forbidden_bands),
-    ]:
+    bands += [("forbidden_bands", forbidden) for forbidden in constraints.forbidden_bands]
+    for key, (lower, upper) in bands:
         if not 0.0 <= lower < upper:
             _refuse(key, f"{lower} to {upper} Hz is no band", "give lower below upper")
         if lower >= nyquist:

@@ -232,10 +232,8 @@ class PolynomialModel(Polynomials):
     def frequency_response(self, frequencies: ArrayLike) -> Complex:
         """``G_i = B_i q^-nk_i / (A F_i)`` at frequencies in Hz, (..., 1, m)."""
         z = on_circle(frequencies, self.sampling_rate).conj()
-        columns = [_ratio(*self._path(place), z) for place in range(self.inputs)]
-        if not columns:
-            return np.empty((*z.shape, 1, 0), dtype=complex)
-        return np.stack(columns, axis=-1)[..., None, :]
+        columns = [_ratio(*self._path(place), z)[..., None] for place in range(self.inputs)]
+        return np.concatenate([np.empty((*z.shape, 0), complex), *columns], axis=-1)[..., None, :]
 
     def noise_response(self, frequencies: ArrayLike) -> Complex:
         """``H = C / (A D)`` at frequencies in Hz, (..., 1, 1)."""

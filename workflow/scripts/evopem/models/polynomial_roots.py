@@ -57,8 +57,7 @@ def powers_of_z(numerator: Array, denominator: Array) -> tuple[Array, Array]:
     Without leading zeros: the delay is then the difference of the degrees.
     """
     length = max(len(numerator), len(denominator))
-    above = np.pad(numerator, (0, length - len(numerator)))
-    below = np.pad(denominator, (0, length - len(denominator)))
+    above, below = (np.pad(part, (0, length - len(part))) for part in (numerator, denominator))
     nonzero = np.flatnonzero(above)
     return above[nonzero[0] if len(nonzero) else length - 1 :], below
 

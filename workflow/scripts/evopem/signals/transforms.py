@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 
 import numpy as np
 import scipy  # whose parts load on first use
@@ -74,12 +75,8 @@ def invert_box_cox(signal: Array, parameter: float, shift: float) -> Array:
 
 def likeliest_box_cox(signal: Array, shift: float, source: str = "box_cox") -> float:
     """The Box-Cox parameter in `BOX_COX_RANGE` of largest likelihood for a normal distribution."""
-
-    def within_range(negative_likelihood):  # type: ignore[no-untyped-def]
-        return scipy.optimize.minimize_scalar(
-            negative_likelihood, bounds=BOX_COX_RANGE, method="bounded", options={"xatol": 1e-8}
-        )
-
+    options = {"bounds": BOX_COX_RANGE, "method": "bounded", "options": {"xatol": 1e-8}}
+    within_range = partial(scipy.optimize.minimize_scalar, **options)
     # The likelihood's maximiser does not depend on the unit; a unit scale avoids overflow.
     shifted = signal + shift
     scaled = shifted / np.exp(np.mean(np.log(shifted)))

@@ -76,10 +76,6 @@ class ModalParts:
             first,
         )
 
-    def beside_drift(self) -> Self:
-        """The same with a drift beside the responses to an initial state."""
-        return replace(self, free=np.column_stack([self.free, half_waves(len(self.free))]))
-
     def of_input(self, index: int) -> HeldOutContribution:
         """What a mode adds to the simulation, beside the other modes and real poles."""
         rest = self.simulated - sum(self.by_input, np.zeros_like(self.outputs))
@@ -187,7 +183,9 @@ def held_out_mode_tests(
             [part for stretch in some if len((part := ModalParts.of(modes, stretch)).free)]
             for some in (held_out, estimation)
         )
-        known, tests = [part.beside_drift() for part in known], []
+        # On all samples beside a drift as well.
+        known = [replace(p, free=np.column_stack([p.free, half_waves(len(p.free))])) for p in known]
+        tests = []
         for index, mode in enumerate(modes):
             of_input, of_noise = _input_test(records, index, mode.pole), NO_TEST
             if not (of_input.significant(SIGNIFICANCE) or of_input.would_show(SIGNIFICANCE)):
