@@ -1,7 +1,6 @@
 """What rules ask of a configuration: stages with their files, arguments and resources.
 
-A rule gives these methods to Snakemake, which calls them with the wildcards of each job. Nothing
-here imports numpy, pandas or Snakemake.
+A rule gives these methods to Snakemake, which calls them with the wildcards of each job.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""What a stage is, and one job of it: the function that it calls, with files and arguments.
-
-Nothing here imports numpy, pandas or Snakemake.
-"""
+"""What a stage is, and one job of it: the function that it calls, with files and arguments."""
 
 from __future__ import annotations
 

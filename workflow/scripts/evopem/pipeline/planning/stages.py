@@ -2,7 +2,6 @@
 
 A rule of the workflow runs the stage of its name for one data set. Without Snakemake,
 :mod:`evopem.pipeline.identification` runs the same ones, in the order that their files ask for.
-Nothing here imports numpy, pandas or Snakemake.
 """
 
 from collections.abc import Iterable
@@ -40,6 +39,14 @@ _OF_PAGE = (
 )
 _OTHER_INFO = "validation_recording_info if source.validation_files"
 
+_reported = partial(
+    Stage,
+    function="report:write_report",
+    title="figures and report",
+    seconds=6.0,
+    outputs=("figures", "report"),
+    is_page=True,
+)
 _decided = partial(Stage, applies="automatic", demand="estimation")
 _searched = partial(Stage, applies="not automatic", demand="estimation")
 
@@ -198,19 +205,14 @@ STAGES = (
         },
         demand="model",
     ),
-    Stage(
+    _reported(
         "report",
-        "report:write_report",
-        "figures and report",
-        seconds=6.0,
         inputs=(
             *("truth if not source.all_files", "decisions if automatic", "config", "recording"),
             *("recording_info", _OTHER_INFO, *_PREPARED, "spectrum", "spectrum_summary"),
             *(*_CHOSEN, *_SEARCHED, "candidates", "model", "frequency_response"),
             *("time_response", "varying if varying", *_VALIDATION),
         ),
-        outputs=("figures", "report"),
-        is_page=True,
     ),
     Stage(
         "identify_responses",
@@ -223,16 +225,7 @@ STAGES = (
         recorded=("files",),
         demand="estimation",
     ),
-    Stage(
-        "report_responses",
-        "report:write_report",
-        "figures and report",
-        seconds=6.0,
-        applies=_OF_RESPONSES,
-        inputs=_OF_PAGE,
-        outputs=("figures", "report"),
-        is_page=True,
-    ),
+    _reported("report_responses", applies=_OF_RESPONSES, inputs=_OF_PAGE),
 )
 """Every stage, and :data:`WHOLE`, which runs all of them in one job."""
 
