@@ -30,7 +30,6 @@ def refusal(keys):
 
 def test_a_source_alone_leaves_every_decision_to_the_recording():
     pump = settings()
-    assert pump.recipe == "auto"
     assert pump.automatic == AutomaticSettings()
     assert pump.preparation.transforms == TransformSettings("none", 0, 0)
     assert pump.preparation.split == SplitSettings(0, 0.8)

@@ -68,11 +68,6 @@ class Kind:
         return cls(structure, inputs, outputs, by_chapter, keys.get("synthesis"), of_responses)
 
     @property
-    def are_pair(self) -> bool:
-        """Whether there are one input and one output."""
-        return are_one(self.inputs) and are_one(self.outputs)
-
-    @property
     def is_polynomial(self) -> bool:
         """Whether a structure of polynomials is written."""
         return self.structure not in (None, STATE_SPACE)
@@ -150,7 +145,8 @@ def check_values(keys: Keys, kind: Kind, at: Place) -> None:
         problem = f"{polynomial} needs an input, and there is none"
         at.refuse("input", problem, f"write structure: {STATE_SPACE}, or name an input")
     alone = structure == "arma" and are_one(kind.outputs)
-    if kind.by_chapter and (structure == STATE_SPACE or not (kind.are_pair or alone)):
+    are_pair = are_one(inputs) and are_one(kind.outputs)
+    if kind.by_chapter and (structure == STATE_SPACE or not (are_pair or alone)):
         problem = "the chapter's recipe has a polynomial model, and one input and one output"
         at.refuse("recipe", problem, "remove the key: recipe auto finds models of all channels")
     if kind.by_chapter and structure in REGULARISED:
@@ -187,7 +183,7 @@ def check_values(keys: Keys, kind: Kind, at: Place) -> None:
     if constraints is not None:
         of_states = structure == STATE_SPACE or "form" in keys or "weighting" in keys
         _check_constraints(constraints, kind, of_states, at)
-        if not kind.are_pair and form == STATE_SPACE:
+        if not are_pair and form == STATE_SPACE:
             problem = "what constraints mean depends on the structure, and none is written"
             remedy = "write form: ss_oe or ss, or a polynomial structure such as oe"
             at.refuse("constraints", problem, remedy)

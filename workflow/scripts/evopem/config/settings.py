@@ -257,11 +257,6 @@ class DatasetSettings:
     varying: VaryingSettings | None = None  # None where no moving model is tried
 
     @property
-    def recipe(self) -> Recipe:
-        """Which of the two recipes identifies the data set."""
-        return "chapter" if self.automatic is None else "auto"
-
-    @property
     def channels(self) -> ChannelSettings:
         """The channels of the recorded files; of a synthetic recording the built-in ones."""
         source = self.source

@@ -75,7 +75,8 @@ def draw(chart: Chart, axes: Axes | Sequence[Axes] | None = None) -> Figure:
         _draw_panel(place, panel, chart.table, bins, keyed, crowded=chart.columns > 1)
         before = labels if len(chart.panels) > 1 and chart.columns > 1 else []
         place.set_xlabel(panel.x_label if last else "")
-        place.set_ylabel("" if beside else folded(panel.y_label))
+        lines = textwrap.wrap(panel.y_label, 26, break_on_hyphens=False)[:3]
+        place.set_ylabel("" if beside else "\n".join(lines))
         # A label of what lies below another panel of the same abscissa says nothing new.
         place.tick_params(labelbottom=last or panel.linked == "")
         if len(chart.panels) > FEW_PANELS:
@@ -85,11 +86,6 @@ def draw(chart: Chart, axes: Axes | Sequence[Axes] | None = None) -> Figure:
     if axes is None:
         style.arrange(places, chart.columns)
     return places[0].figure  # type: ignore[return-value] # or a part of one, which is like it
-
-
-def folded(label: str, width: int = 26) -> str:
-    """Break a long label into lines."""
-    return "\n".join(textwrap.wrap(label, width, break_on_hyphens=False)[:3]) or label
 
 
 def _draw_panel(

@@ -290,9 +290,7 @@ def residual_spectra(results: DatasetResults) -> pd.DataFrame:
         columns = {
             "output": output.name,
             "frequency_hz": estimated.frequencies,
-            "density": estimated.density,
-            "lower": estimated.lower,
-            "upper": estimated.upper,
+            **{name: getattr(estimated, name) for name in ("density", "lower", "upper")},
             "white_level": 2.0 * float(np.var(errors)) / rate,
         }
         tables.append(pd.DataFrame(columns))

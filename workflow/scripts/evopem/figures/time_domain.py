@@ -180,7 +180,6 @@ def record(results: DatasetResults) -> Chart:
 
 
 def _signals(results: DatasetResults) -> pd.DataFrame:
-    """All channels as recorded and as used."""
     prepared, recording, inputs = results.prepared, results.recording, results.inputs
     assert prepared is not None
     assert recording is not None

@@ -120,7 +120,6 @@ def _fields(kind: type) -> dict[str, tuple[str, Any, bool]]:
 
 
 def _read(kind: Any, content: Any, place: str) -> Any:
-    """Build a value of a type."""
 
     def misfit(problem: str) -> _MisfitError:
         return _MisfitError(f"{shortened(content)} {problem}", place)

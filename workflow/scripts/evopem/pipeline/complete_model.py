@@ -183,7 +183,6 @@ def write_model(files: DatasetFiles, record: ModelRecord, rivals: Sequence[Model
 def _selected(
     files: DatasetFiles, search: SearchSettings, window: ScoringWindow, phase: str, fit: FitSettings
 ) -> ModelRecord:
-    """The candidate that a phase has selected."""
     selected = load(PhaseSelection, files.phase(phase)).selected
     prepared = load_prepared(files.prepared, files.transforms)
     data, level = prepared.estimation, "constant" if selected.levels else "none"

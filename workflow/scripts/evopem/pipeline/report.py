@@ -193,7 +193,6 @@ def collect_unfinished(
 
 
 def _write_list(path: str, compared: Compared, index: Callable[..., str]) -> None:
-    """Write one of the lists, which its name tells."""
     match Path(path).name:
         case "index.html":
             following, followed = compared.following, compared.followed

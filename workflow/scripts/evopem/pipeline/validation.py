@@ -296,15 +296,12 @@ def _about_channels(recording: RecordingInfo) -> tuple[Decision, ...]:
     if roles is None:
         return ()
     pairs = (f"{roles.input} to {roles.output}", f"{roles.output} to {roles.input}")
-    test = roles.test
-    scores = (test.forward, test.backward) if test else (np.nan, np.nan)
-    criterion = (
-        f"p-value of the first one's past in predictions of the second, {test.lags} lags"
-        if test
-        else "names of the channels"
-    )
+    scores, measure = (np.nan, np.nan), "names of the channels"
+    if test := roles.test:
+        scores = test.forward, test.backward
+        measure = f"p-value of the first one's past in predictions of the second, {test.lags} lags"
     alternatives = tuple(map(Alternative, pairs, scores))
-    return (Decision("channels", pairs[0], alternatives, criterion, roles.sentence),)
+    return (Decision("channels", pairs[0], alternatives, measure, roles.sentence),)
 
 
 def _remarks(stretches: Sequence[Segment]) -> tuple[str, ...]:

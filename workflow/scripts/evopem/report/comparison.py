@@ -12,6 +12,7 @@ from evopem.figures.draw import ShapeDrawing
 from evopem.models.merged_modes import MergedModes
 from evopem.models.modes import Mode
 from evopem.models.setups import INPUT
+from evopem.report.figures import drawn_figure
 from evopem.report.numbers import (
     MISSING,
     THIN,
@@ -24,6 +25,7 @@ from evopem.report.numbers import (
     plural,
     with_error,
 )
+from evopem.report.templates import environment, template_folder
 from evopem.report.verdict import verdict
 from evopem.results.comparison import MOST, Comparison, Dependence, spread_percent
 
@@ -141,9 +143,6 @@ def _drawn(comparison: Comparison) -> list[Markup]:
 
 def build_comparison(comparison: Comparison, pages: Mapping[str, str] | None = None) -> str:
     """One HTML page that loads no other file; `pages` are addresses of reports by label."""
-    from evopem.report.figures import drawn_figure
-    from evopem.report.templates import environment, template_folder
-
     outcomes = [{check.name: check.word for check in model.checks} for model in comparison.models]
     names = dict.fromkeys(name for outcome in outcomes for name in outcome)
     name, data = "-".join(comparison.labels)[:80], ("CSV of each data set",)

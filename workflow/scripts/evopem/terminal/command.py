@@ -25,7 +25,6 @@ from evopem.results.identity import origins
 from evopem.results.layout import DatasetFiles, check_folders
 from evopem.version import __version__
 
-_INTERRUPTED = 130
 _OPTIONS = {
     "uneven_time: interpolate": "--uneven-time interpolate",
     "frequency: abscissa": "--frequency abscissa",
@@ -78,7 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     except KeyboardInterrupt:
         sys.stderr.write("\ninterrupted\n")
-        return _INTERRUPTED
+        return 130
     except BrokenPipeError:  # `evopem … | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
@@ -91,7 +90,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _check_working_directory() -> None:
-    """Refuse to work in a folder that has been deleted."""
     try:
         Path.cwd()
     except OSError:
