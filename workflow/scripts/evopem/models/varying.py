@@ -199,9 +199,8 @@ class VaryingModel:
         """Noise-free response to (N, m) inputs from rest, (N,), at values (N,) of the schedule."""
         theta, rows = self.coefficients(schedule), self.rows
         bounds = np.array([0, len(theta)], dtype=np.intp)
-        u = columns(inputs, len(self.orders.nb) or None, "inputs")
         level = theta[:, rows["level"]]
-        drive = self._forced(u, theta, bounds)[:, None]
+        drive = self._forced(inputs, theta, bounds)[:, None]
         if self._is_output_error:
             return (filtered(drive, theta[:, rows["a"]], bounds) + level)[:, 0]
         return filtered(drive + level, theta[:, rows["a"]], bounds)[:, 0]
@@ -215,11 +214,10 @@ class VaryingModel:
         """
         theta, rows, y = self.coefficients(schedule), self.rows, columns(output, 1, "output")[:, 0]
         bounds, first = np.array([0, len(y)], dtype=np.intp), first_residual(self.orders)
-        u = columns(inputs, len(self.orders.nb) or None, "inputs")
         a, level = theta[:, rows["a"]], theta[:, rows["level"]][:, 0]
         c = a if self._is_output_error else theta[:, rows["c"]]
         y = y - level if self._is_output_error else y
-        drive = self._forced(u, theta, bounds) + (0.0 if self._is_output_error else level)
+        drive = self._forced(inputs, theta, bounds) + (0.0 if self._is_output_error else level)
         past = lagged(y, range(1, a.shape[1] + 1), bounds)
         errors = y - drive + np.sum(a * past, axis=1)
         errors[:first] = 0.0
@@ -241,10 +239,10 @@ class VaryingModel:
     def _is_output_error(self) -> bool:
         return any(self.orders.nf)
 
-    def _forced(self, u: Array, theta: Array, bounds: Indices) -> Array:
-        return np.asarray(
-            np.sum(delayed_inputs(self.orders, u, bounds) * theta[:, self.rows["b"]], 1)
-        )
+    def _forced(self, inputs: ArrayLike, theta: Array, bounds: Indices) -> Array:
+        u = columns(inputs, len(self.orders.nb) or None, "inputs")
+        driving = delayed_inputs(self.orders, u, bounds)
+        return np.asarray(np.sum(driving * theta[:, self.rows["b"]], axis=1))
 
 
 def first_residual(orders: Orders) -> int:

@@ -145,14 +145,9 @@ def fleet_table(entries: Mapping[str, Entry]) -> pd.DataFrame:
     """A row for each mode of each data set, or one row without; by the names of the data sets."""
     import pandas as pd
 
-    names = dict.fromkeys(
-        check.name
-        for entry in entries.values()
-        if isinstance(entry, DatasetSummary)
-        for check in entry.checks
-    )
-    types = _COLUMN_TYPES | dict.fromkeys([check_column(name) for name in names], "boolean")
     rows = [row for name, entry in entries.items() for row in _rows(name, entry)]
+    of_checks = [key for row in rows for key in row if key not in _COLUMN_TYPES]
+    types = _COLUMN_TYPES | dict.fromkeys(of_checks, "boolean")
     return pd.DataFrame(rows, columns=list(types)).astype(types)
 
 

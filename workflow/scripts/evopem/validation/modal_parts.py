@@ -89,9 +89,8 @@ class ModalParts:
     def power_share(self, index: int) -> float:
         """Largest share of what a mode adds in the power of an output, of either drive."""
         power = np.var(self.outputs[self.first :], axis=0)
-        of_mode = [
-            np.var(part[index][self.first :], axis=0) for part in (self.by_input, self.by_noise)
-        ]
+        parts = self.by_input[index], self.by_noise[index]
+        of_mode = [np.var(part[self.first :], axis=0) for part in parts]
         return float(np.max(of_mode / np.where(power > 0.0, power, np.inf)))
 
     def excited_share(self, index: int, pole: complex) -> float:
@@ -123,10 +122,8 @@ class ModalParts:
         The pair is removed together with the zeros of the filter nearest to it: a pole that these
         cancel makes no difference.  The filter of several outputs has no such zeros.
         """
-        without = scipy.signal.lfilter(
-            _nearest(zeros, pole), _factor(pole), self.innovations, axis=0
-        )
-        tested = without[self.first :]
+        above, below = _nearest(zeros, pole), _factor(pole)
+        tested = scipy.signal.lfilter(above, below, self.innovations, axis=0)[self.first :]
         explained = tested - self.innovations[self.first :]
         return HeldOutContribution(tested, explained, [np.empty((len(tested), 0))])
 

@@ -281,9 +281,7 @@ def _share_left(held_out: Sequence[HeldOut]) -> float:
 def _ahead(held_out: Sequence[HeldOut], horizon: int) -> Array:
     """Predictions of the scored samples."""
     with np.errstate(all="ignore"):
-        return np.concatenate(
-            [stretch.predicted(horizon)[stretch.unscored :] for stretch in held_out]
-        )
+        return np.concatenate([part.predicted(horizon)[part.unscored :] for part in held_out])
 
 
 def _crossed(

@@ -74,8 +74,7 @@ def _refuse_interruptions(table: text_dialect.Table, heading: Heading, header_li
         if first < number < last:
             problem += " stands between rows of numbers, where it may be a damaged sample or begin"
             problem += " another table"
-            remedy = "repair or remove that line"
-            raise InputError(source, problem, remedy, f"line {number}")
+            raise InputError(source, problem, "repair or remove that line", f"line {number}")
         if number > header_lines and _may_be_sample(table, bare, below=number > headings):
             problem += " may be a comment or a damaged sample"
             remedy = "write a blank after the mark of a comment above the table, and remove the"

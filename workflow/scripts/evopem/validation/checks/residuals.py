@@ -82,15 +82,10 @@ def white(validation: Validation) -> bool | None:
 
 
 def _verdicts(validation: Validation) -> list[bool | None]:
-    outputs = validation.outputs
+    lags, outputs = validation.lags, validation.outputs
     return [
-        are_white(
-            output.ljung_box.p_value,
-            output.autocorrelation_share_inside95,
-            validation.lags,
-            len(outputs),
-        )
-        for output in outputs
+        are_white(y.ljung_box.p_value, y.autocorrelation_share_inside95, lags, len(outputs))
+        for y in outputs
     ]
 
 

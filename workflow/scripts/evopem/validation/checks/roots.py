@@ -194,13 +194,8 @@ def indistinguishable(
         gradient = np.concatenate([root_gradient(a, pole)[1:], -root_gradient(b, zero)])
     if not np.all(np.isfinite(gradient)):
         return True  # a repeated root has no derivative: its position is not determined
-    difference = pole - zero
-    if pole.imag == 0 and zero.imag == 0:
-        jacobian = gradient.real[np.newaxis]
-        offset = np.array([difference.real])
-    else:
-        jacobian = np.vstack([gradient.real, gradient.imag])
-        offset = np.array([difference.real, difference.imag])
+    parts = slice(1 if pole.imag == 0 and zero.imag == 0 else 2)
+    jacobian, offset = (np.array([x.real, x.imag])[parts] for x in (gradient, pole - zero))
     spread = covariance.of(jacobian)
     if not np.all(np.isfinite(spread)):
         return True  # the data do not determine their distance
