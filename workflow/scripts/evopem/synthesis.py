@@ -182,7 +182,6 @@ def flexible_arm(
         state = transition @ states[-1] + drive @ signals[-1]
         parts.append(states @ c)
     acceleration = np.concatenate(parts)
-    record = slice(warm_up, warm_up + samples)
     delayed = acceleration[warm_up - TRANSPORT_SAMPLES : warm_up - TRANSPORT_SAMPLES + samples]
     spread = float(np.std(delayed))
     noise = SENSOR_NOISE * spread * generator.standard_normal(samples)
@@ -192,7 +191,7 @@ def flexible_arm(
         SENSOR_GAIN * (measured - measured.min() + spread), CHARACTERISTIC
     )
     recording = Recording(
-        inputs=command[record],
+        inputs=command[warm_up : warm_up + samples],
         outputs=volts,
         sampling_rate=sampling_rate,
         input_names=("motor velocity",),

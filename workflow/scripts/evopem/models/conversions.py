@@ -112,16 +112,11 @@ def side_by_side(plant: StateSpaceModel, noise: StateSpaceModel) -> StateSpaceMo
         noise.with_parameters(np.arange(entries + 1.0, entries + more + 1.0)),
     )
     # Of each entry of the model that of either, or none: 0.
-    source = numbered.parameters.astype(int)
-    both = plant.covariance, noise.covariance
-    factor, null_space = (
-        np.vstack([np.zeros(part.shape[1]), part])[source]
-        for part in (
-            scipy.linalg.block_diag(*(covariance.factor for covariance in both)),
-            scipy.linalg.block_diag(*(covariance.null_space for covariance in both)),
-        )
-    )
-    return replace(model, covariance=ParameterCovariance(factor, null_space))
+    source = numbered.parameters.astype(np.intp)
+    both = [(known.factor, known.null_space) for known in (plant.covariance, noise.covariance)]
+    parts = [scipy.linalg.block_diag(*pair) for pair in zip(*both, strict=True)]
+    joint = ParameterCovariance(*(np.vstack([np.zeros(part.shape[1]), part]) for part in parts))
+    return replace(model, covariance=joint.part(source))
 
 
 def _stacked(plant: StateSpaceModel, noise: StateSpaceModel) -> StateSpaceModel:

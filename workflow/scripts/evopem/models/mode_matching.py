@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
+from itertools import combinations, pairwise
 from statistics import median
 from typing import Literal, Self
 
@@ -170,13 +170,11 @@ def cluster_modes(
     """
     nodes = [(order, index) for order in sorted(modes) for index in range(len(modes[order]))]
     pairs = []
-    for a, (order, index) in enumerate(nodes):
-        for b in range(a + 1, len(nodes)):
-            second, place = nodes[b]
-            if second != order:
-                distance = distance_of(order, modes[order][index], second, modes[second][place])
-                if distance <= 1.0:
-                    pairs.append((distance, a, b))
+    for (a, (order, index)), (b, (second, place)) in combinations(enumerate(nodes), 2):
+        if second != order:
+            distance = distance_of(order, modes[order][index], second, modes[second][place])
+            if distance <= 1.0:
+                pairs.append((distance, a, b))
     group_of = list(range(len(nodes)))
     groups = {k: {order: index} for k, (order, index) in enumerate(nodes)}
     for _, a, b in sorted(pairs):
