@@ -24,7 +24,6 @@ from evopem.errors import InputError
 Number = Annotated[int, Field(ge=1)] | Literal["auto"]
 Names = Annotated[str, Field(min_length=1)] | Annotated[tuple[str, ...], Field(min_length=1)]
 _Structure = Annotated[str, Field(pattern="^[A-Za-z0-9_-]{1,100}$")]
-_Setups = Annotated[tuple[str, ...], Field(min_length=2)]
 
 
 @dataclass(frozen=True)
@@ -57,7 +56,7 @@ class RunSettings:
     recordings_per_job: Number | None = None
     """the recordings that [one job identifies](fleets.md#several-recordings-a-job). With `report:
     none`"""
-    setups: dict[_Structure, _Setups] | None = None
+    setups: dict[_Structure, Annotated[tuple[str, ...], Field(min_length=2)]] | None = None
     """structures, each with a list of the data sets that are its [set-ups](fleets.md#set-ups)"""
 
 

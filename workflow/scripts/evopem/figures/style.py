@@ -100,10 +100,9 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 def svg_text(figure: Figure) -> str:
     """Render a figure as SVG text; equal data give equal bytes.
 
-    Coordinates are cut to two decimals of a point, far below what is visible. The file is
-    then small and does not depend on the last bits of the arithmetic. The layout is computed once
-    and its places are rounded: matplotlib names clipping paths after all their digits, the last of
-    which differ from run to run.
+    Coordinates are cut to two decimals of a point: the file is small, and does not depend on the
+    last bits of the arithmetic. The layout is computed once and its places are rounded: matplotlib
+    names clipping paths after all their digits, the last of which differ from run to run.
     """
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
