@@ -1,5 +1,7 @@
 """Sums of products of signals from equations of their sections, against sums over samples."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,3 +47,12 @@ def test_sums_are_those_over_samples(monkeypatch, structure, order, delays, leng
     monkeypatch.setattr(module, "MANY_PRODUCTS", 0.0)
     for found, expected in zip(errors.normal_equations(projection), over_samples, strict=True):
         np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
+
+
+def test_poles_next_to_the_circle_are_summed_over_samples(monkeypatch):
+    """The equations multiply rounding there: at a radius of 1 - 1e-9 Hessians had been negative."""
+    errors = replace(problem("ss", 1, 1, [400]), radius=1.0 - 1e-7)
+    projection = errors.projection(from_poles(errors, np.array([1.0 - 1e-6 + 0j])))
+    _, over_samples = errors.normal_equations(projection)
+    monkeypatch.setattr(module, "MANY_PRODUCTS", 0.0)
+    np.testing.assert_array_equal(errors.normal_equations(projection)[1], over_samples)

@@ -176,7 +176,7 @@ def test_errors_are_those_of_least_squares(apart):
     scaled = found.regressors / np.linalg.norm(found.regressors, axis=0)
     basis, y = np.linalg.qr(scaled)[0], errors.data.outputs
     np.testing.assert_allclose(found.errors, y - basis @ (basis.T @ y), atol=1e-9)
-    # Corrected seminormal equations leave the rounding of what they multiply (Bjorck 1987).
+    # Corrected seminormal equations leave the rounding of what they multiply (Björck 1987).
     assert np.abs(found.basis.T @ found.errors).max() < 1e-15 * (100.0 + np.linalg.cond(scaled))
     unity = np.eye(found.basis.shape[1])
     np.testing.assert_allclose(found.basis.T @ found.basis, unity, atol=1e-13)

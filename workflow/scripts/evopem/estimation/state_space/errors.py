@@ -27,6 +27,7 @@ from evopem.estimation.state_space.sections import (
     SectionSignals,
     input_matrix,
     inside,
+    largest_radius,
     moved,
     normalised,
     section_states,
@@ -37,7 +38,7 @@ from evopem.models.state_space import PlainStructure
 
 # Singular values of the regressors, their columns scaled to unit length, below this share of the
 # largest one are rounding; none can be where the reciprocal condition is above the second for each.
-# Above the third their products tell enough, with corrections (Bjorck 1987).
+# Above the third their products tell enough, with corrections (Björck 1987).
 REGRESSOR_RANK, WELL_CONDITIONED, OF_PRODUCTS, REFINED = 1e-9, 1e-8, 1e-6, 2
 # Added to the variances of the errors, relative to the power of the outputs: errors of less than a
 # ten-millionth of an output carry no information, and a determinant would seek them out.
@@ -46,8 +47,9 @@ ROUNDING = 1e-14
 # Waves and drifts of others may be fitted to the noise, and go on behind the samples; a predictor
 # that has to forget loses the likelihood of a few parameters at most.
 FORGETTING = 3.0
-# Multiplications from which on Gram matrices of signals follow from equations of their sections.
-MANY_PRODUCTS = 1e7
+# Multiplications from which on Gram matrices of signals follow from equations of their sections, up
+# to a radius r of poles: these multiply rounding by ``(1 - r**2)**-3``.
+MANY_PRODUCTS, LARGEST_RADIUS = 1e7, 0.9999
 EDGE = 1e-9  # a pole moved to the radius stops just inside it
 
 
@@ -70,7 +72,7 @@ class Projection:
         if self.found_basis is not None:
             return self.found_basis
         basis = self.regressors @ dtrtri(self.factor)[0]
-        # Of products once it is orthogonal to 1e-4 (CholeskyQR2, Yamamoto et al. 2015).
+        # It is orthogonal to 1e-4, which products tell well (CholeskyQR2, Yamamoto et al. 2015).
         return np.asarray(basis @ dtrtri(dpotrf(basis.T @ basis)[0])[0])
 
     @cached_property
@@ -139,8 +141,7 @@ class StateSpaceErrors:
     @property
     def parameters(self) -> int:
         """Independent parameters: coefficients, level and drift, without initial states."""
-        ny, n = self.data.outputs.shape[1], self.order
-        nu = self.data.inputs.shape[1]
+        nu, ny, n = self.data.inputs.shape[1], self.data.outputs.shape[1], self.order
         count = n * (nu + ny) + ny * int(self.data.feedthrough.sum())
         count += n * ny if self.innovations else 0
         return count + ny * (int(self.data.levels > 0) + self.data.drift.shape[1])
@@ -165,8 +166,7 @@ class StateSpaceErrors:
         triangle, failed = dpotrf(gram / np.outer(sizes, sizes))
         solved = point, sections, states, regressors
         if not failed and dtrcon(triangle)[0] > OF_PRODUCTS:
-            factor, errors = triangle * sizes, y
-            linear = np.zeros((len(sizes), y.shape[1]))
+            factor, linear, errors = triangle * sizes, np.zeros((len(sizes), y.shape[1])), y
             for _ in range(REFINED):
                 step = dtrtrs(factor, dtrtrs(factor, regressors.T @ errors, trans=1)[0])[0]
                 linear, errors = linear + step, errors - regressors @ step
@@ -254,9 +254,8 @@ class StateSpaceErrors:
 
     def begun(self, start: Array) -> Array:
         """A start whose poles lie within the radius, in its normal form."""
-        return normalised(
-            self.layout, inside(self.layout, start, self.section_radius * (1.0 - EDGE))
-        )
+        within = inside(self.layout, start, self.section_radius * (1.0 - EDGE))
+        return normalised(self.layout, within)
 
     def moved(self, point: Array, step: Array) -> Array:
         """A point after a step, its poles within the radius."""
@@ -278,7 +277,9 @@ class StateSpaceErrors:
         regressors: with each other, (n, n), and with the errors, (n, ny)."""
         sections, states = projection.sections, projection.states
         signals = self.signals.derivatives(sections, states)
-        if projection.factor is not None and signals.size * signals.shape[1] > MANY_PRODUCTS:
+        many = signals.size * signals.shape[1] > MANY_PRODUCTS
+        exact = largest_radius(self.layout, projection.point) <= LARGEST_RADIUS
+        if projection.factor is not None and many and exact:
             factors = [projection.errors, self.signals.of_drives, *self.direct]
             ends = np.cumsum([factor.shape[1] for factor in factors[:2]])
             against, driven, direct = np.split(signals.T @ np.hstack(factors), ends, axis=1)
@@ -286,8 +287,7 @@ class StateSpaceErrors:
             regressed = np.vstack([of_states, direct.T])
             along = dtrtrs(projection.factor, regressed, trans=1)[0]
             return gram - along.T @ along, against
-        along = projection.basis.T @ signals
-        against = signals.T @ projection.errors
+        along, against = projection.basis.T @ signals, signals.T @ projection.errors
         # Without another array of this size.
         signals = dgemm(-1.0, along.T, projection.basis.T, 1.0, signals.T, overwrite_c=True).T
         return signals.T @ signals, against
