@@ -81,7 +81,7 @@ def judged(structure: str, seed: int, found: Results) -> Outcome:
     errors = PolynomialErrors(
         stretches, truth.orders, "quadratic", PLANT_RADIUS, NOISE_RADIUS, True
     )
-    point = errors.completed_by_states(true_orders)
+    point = errors.completed_by_states(true_orders.parameters)
     covariance = covariance_of(errors, point, errors.residuals(point))
     own = _covered(found.model, truth)
     of_true = _covered(replace(true_orders, covariance=covariance), truth)

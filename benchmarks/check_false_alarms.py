@@ -70,7 +70,7 @@ def judged(seed: int, noise: float, objective: str) -> list[Check]:
     (candidate,) = estimate_candidates(OrderSearch(data, settings, WINDOW), [ORDERS], "nb")
     found = complete_estimate(candidate, data, settings, WINDOW)
     record = ModelRecord.of(found, data, settings, prepared.transforms)
-    validation, _ = validate(found.model, prepared, WINDOW.loss_start, objective)
+    validation, _ = validate(found.model, prepared, objective)
     phases = {
         phase: PhaseSelection(phase, ORDERS, "", (candidate,))
         for phase in ("delay", "plant", "nc", "nb")

@@ -36,6 +36,7 @@ from evopem.signals.recording import Recording, Segment  # noqa: E402
 from evopem.synthesis import armax, flexible_arm  # noqa: E402
 from evopem.validation.mode_evidence import table_of_models  # noqa: E402
 from evopem.validation.residual_tests import (  # noqa: E402
+    fit_effects,
     ljung_box_lags,
     whiteness_test,
 )
@@ -92,8 +93,11 @@ def tests_of_whiteness(u: Array, y: Array, orders: Numbers, objective: str) -> t
     errors = PolynomialErrors(
         [Segment(u, y)], found.model.orders, objective, 1.0, 1.0, False, ScoringWindow(*window)
     )
-    jacobian = errors.jacobian_blocks(np.concatenate([found.model.parameters, found.noise_state]))
-    test = whiteness_test(residuals, jacobian, lags, objective)
+    point = np.concatenate([found.model.parameters, found.noise_state])
+    jacobian = errors.jacobian(point)[:, : len(found.model.parameters)]
+    along = lambda step: (jacobian @ step)[:, None]  # noqa: E731
+    effects = fit_effects(residuals[:, None], along, found.model.covariance, lags)
+    test = whiteness_test(residuals, lags, (), effects[0], objective)
     return test.p_value, float(chdtrc(lags - fitted, test.statistic))
 
 

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 
 
 DIVISIONS = {
-    "about two minutes": {"one_job_per": "recording", "recordings_per_job": "auto"},
+    "up to five minutes": {"one_job_per": "recording", "recordings_per_job": "auto"},
     "recording": {"one_job_per": "recording"},
     "stage": {"one_job_per": "stage"},
 }

@@ -43,7 +43,7 @@ SAMPLES, NOISE = 1000, 20.0
 
 
 def truths() -> dict[str, PolynomialModel]:
-    colour, damped = TRUTHS["bj"].c, TRUTHS["bj"].d
+    colour, damped = TRUTHS["bj"].C, TRUTHS["bj"].D
     b = np.array([1.0, 0.6, 0.3])
     return {
         **{name: TRUTHS[name] for name in ("arx", "arma", "ararx", "ararmax", "oe", "bj")},

@@ -46,7 +46,7 @@ PLANT, NOISE_ORDERS = ("na", "nb", "nf"), ("nc", "nd")
 def truth_of(structure: str) -> PolynomialModel:
     if structure == "armax":
         arx = TRUTHS["arx"]
-        return PolynomialModel(arx.a, arx.b, np.array([1.0, 0.5, 0.2]), ONE, ONE, 1)
+        return PolynomialModel(arx.A, arx.B, np.array([1.0, 0.5, 0.2]), ONE, ONE, 1)
     return TRUTHS[structure]
 
 

@@ -110,8 +110,7 @@ def colour(number):  # type: ignore[no-untyped-def]
 
 def measured(part, number):  # type: ignore[no-untyped-def]
     """Counts of one record: with all rules, and as if one of them were not there."""
-    from evopem.automatic import state_space as search
-    from evopem.automatic.fit import CommonSettings
+    from evopem.automatic import fit
     from evopem.estimation.state_space.estimate import estimates_of_orders
     from evopem.signals.recording import Segment, recording_of
     from evopem.validation.mode_evidence import doubts, mode_table
@@ -120,16 +119,16 @@ def measured(part, number):  # type: ignore[no-untyped-def]
     kept = 4 * len(y) // 5
     recording, begun = recording_of(None, y, RATE), time.process_time()
     alone = [Segment(y[:kept, :0], y[:kept])]
-    orders = search.from_likeliest(alone, tuple(range(2, 81, 2)), CommonSettings())
+    orders = fit.from_likeliest(alone, tuple(range(2, 81, 2)), fit.CommonSettings())
     estimates = estimates_of_orders(
         recording.between(0, kept),
         orders,
         delays=(),
         forgets=True,
-        width=search.LARGE_WIDTH,
-        steps=search.LARGE_STEPS,
+        width=fit.LARGE_WIDTH,
+        steps=fit.LARGE_STEPS,
     )
-    table = mode_table(list(search.until_bic_rises(estimates, False)), recording, kept)
+    table = mode_table(list(fit.until_bic_rises(estimates, False)), recording, kept)
 
     def counts(modes):  # type: ignore[no-untyped-def]
         found = {
