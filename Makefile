@@ -15,7 +15,7 @@ UPGRADE ?=
 # A fifth of what is installed is imported: that is compiled then, by jobs beside each other.
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile --require-hashes -r
 # What a search needs, and all else, which is installed while its kernels are compiled; the lock file is
-# complete.  By uv in a third of pip's time, but for an index of which only pip has been told.
+# complete.  By uv in a third of pip's time; by pip where uv fails, as it may behind an index that pip alone knows.
 SEARCH := annotated-types|llvmlite|numba|numpy|pydantic|pydantic-core|pyyaml|scipy|threadpoolctl|typing-.*
 LOCKED = awk '/^[a-z]/ {chosen = /^($(1))==/} $(2)chosen'
 UV := $(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes --no-deps -r -

@@ -76,7 +76,7 @@ SECONDS_OF_A_BATCH = 300.0
 """Work of a job, by estimate, beside which the 4 s of its start are less than a fiftieth."""
 
 LEAST_SECONDS, LEAST_BATCHES = 30.0, 16
-"""Work beside which a start is a fifteenth; of more, so many batches keep cores busy to the end."""
+"""Work of which a start is a seventh; of more, so many batches keep cores busy to the end."""
 
 MANY = 10
 """From so many data sets on, one job takes a recording through all stages where nothing is said."""

@@ -67,7 +67,7 @@ def folds_of(
     a tenth of the record, from which a validation has its state: more tell that of slow poles too
     well. All of them stay where an input rests in this tenth: states that it moved earlier are
     larger than those it moves there. Where they are fewer than ``shortest_past``, the first
-    held-out ones are taken to them, if as many are left. Probes of preparations do no better so.
+    held-out ones are taken to them, if as many are left. Preparations are decided without this.
     """
     total, blocks = total_samples(stretches), count * blocks_per_fold
     folds = range(count)

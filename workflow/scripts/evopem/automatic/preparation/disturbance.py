@@ -210,7 +210,7 @@ def decide_objective(
 
     Absolute deviations fit the median.  That of the next sample is the last one, whatever the
     input does, where the sensor resolves so little that more than half of them repeat it.
-    `recorded`: The stretches before a filter, in which repeated samples are told.
+    `recorded`: The stretches before a filter, whose repeated samples count.
     """
     objective, about = _objective(stretches)
     if objective == "absolute" and (behind := _behind_delays(stretches, OBJECTIVE_ORDERS)):
