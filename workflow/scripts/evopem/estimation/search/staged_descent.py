@@ -13,7 +13,7 @@ import numpy as np
 from evopem.arrays import Array, Flags, Indices
 from evopem.errors import InputError
 from evopem.estimation.pem.derived_errors import CoordinateErrors, KStepErrors
-from evopem.estimation.pem.kernels.bfgs import SENSITIVE, Descent, descend, descend_by, inverted
+from evopem.estimation.pem.kernels.bfgs import Descent, descend, descend_by
 from evopem.estimation.pem.kernels.gradient import GRADIENTS, VALUES
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import Passes
@@ -39,6 +39,8 @@ DEPENDENT, LEAST_SINGULAR = 1e-13, 1e-11
 # Variance inflation factor, a diagonal entry times that of the damped inverse, from which on the
 # eigenvalues are looked at.
 SUSPECTED = 1e8
+# Smallest ratio of a diagonal entry to the largest one at which a coordinate is sensitive.
+SENSITIVE = 1e-60
 
 
 class DescentStage(NamedTuple):
@@ -237,14 +239,34 @@ def nearly_dependent(matrices: Array, inverses: Array) -> Flags:
     """Which Gauss-Newton matrices, scaled, have an eigenvalue of the size of their rounding."""
     dependent = np.einsum("ijj,ijj->ij", matrices, inverses).max(axis=1) > SUSPECTED
     rows = np.flatnonzero(dependent)
-    scaled, _ = inverted(np.ascontiguousarray(matrices[rows]), DAMPING)
-    dependent[rows] = np.linalg.eigvalsh(scaled)[:, 0] < DEPENDENT
+    dependent[rows] = np.linalg.eigvalsh(_scaled(matrices[rows])[0])[:, 0] < DEPENDENT
     return np.asarray(dependent)
 
 
 def damped_inverses(matrices: Array, damping: float = DAMPING) -> Array:
     """Inverses of positive semidefinite matrices, scaled to a unit diagonal and damped."""
-    return np.asarray(inverted(np.ascontiguousarray(matrices), damping)[1])
+    scaled, scale = _scaled(matrices)
+    np.einsum("ijj->ij", scaled)[:] += damping * matrices.shape[1]
+    inverses = np.linalg.inv(scaled)
+    damped = 0.5 * (inverses + np.swapaxes(inverses, 1, 2))
+    damped *= scale[:, :, None]
+    damped *= scale[:, None, :]
+    return np.asarray(damped)
+
+
+def _scaled(matrices: Array) -> tuple[Array, Array]:
+    """Matrices scaled to a unit diagonal, and the scales, (M, n).  Coordinates without any effect,
+    such as a noise state that has decayed, are not changed."""
+    diagonal = np.einsum("ijj->ij", matrices)
+    sensitive = diagonal > SENSITIVE * diagonal.max(axis=1, keepdims=True)
+    scale = np.where(sensitive, 1.0 / np.sqrt(np.where(sensitive, diagonal, 1.0)), 0.0)
+    scaled = matrices * scale[:, :, None]
+    scaled *= scale[:, None, :]
+    finite = np.isfinite(scaled).all(axis=(1, 2))
+    scaled[~finite] = np.eye(matrices.shape[1])
+    scale[~finite] = 1.0
+    np.einsum("ijj->ij", scaled)[:] = 1.0
+    return scaled, scale
 
 
 def solve_linear(

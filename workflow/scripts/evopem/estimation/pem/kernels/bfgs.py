@@ -17,8 +17,6 @@ CURVATURE = 0.9
 LONGEST_LINE_SEARCH = 30
 # Least part of a bracket that an interpolated step keeps.
 SHORTEST_CUT = 0.1
-# Smallest ratio of a diagonal entry to the largest one at which a coordinate is sensitive.
-SENSITIVE = 1e-60
 
 # What the line search of a start knows, as one array: each costs time at compilation and at a call.
 LINE = np.dtype(
@@ -134,7 +132,7 @@ def _accept(state, r, point, value, gradient, tolerance, max_iterations):
 def _aim(state: State, r: int) -> None:
     """Begin a line along the quasi-Newton direction, or steepest descent where that climbs."""
     h, g, d = state.h[r], state.g[r], state.d[r]
-    multiply(h, g, d)
+    _multiply(h, g, d)
     for i in range(g.size):
         d[i] = -d[i]
     state.line[r].slope = _dot(d, g)
@@ -155,7 +153,7 @@ def _update(h: Array, s: Array, y: Array, hy: Array) -> None:
     sy = _dot(s, y)
     if not sy > 1e-12 * np.sqrt(_dot(s, s) * _dot(y, y)):
         return
-    multiply(h, y, hy)
+    _multiply(h, y, hy)
     weight = (1.0 + _dot(y, hy) / sy) / sy
     for i in range(len(s)):
         for j in range(len(s)):
@@ -172,38 +170,12 @@ def _dot(x: Array, y: Array) -> float:
 
 
 @njit
-def multiply(transposed: Array, vector: Array, product: Array) -> None:
+def _multiply(symmetric: Array, vector: Array, product: Array) -> None:
     for i in range(len(vector)):
         product[i] = 0.0
     for j in range(len(vector)):
         for i in range(len(vector)):
-            product[i] += transposed[j, i] * vector[j]
-
-
-@partial(cached_njit, is_quick=True)
-def inverted(matrices: Array, damping: float) -> tuple[Array, Array]:
-    """Positive semidefinite matrices, (M, n, n), scaled to a unit diagonal, and their inverses,
-    damped in that scale.  Coordinates without any effect, such as a noise state that has decayed,
-    are not changed.  Pivots on the diagonal do for such matrices."""
-    scaled, inverses = matrices.copy(), matrices.copy()
-    for a, b in zip(scaled, inverses):  # noqa: B905 - not known to the compiler
-        n, diagonal = len(a), np.diag(a)
-        scale = np.where(diagonal > SENSITIVE * diagonal.max(), 1.0 / np.sqrt(diagonal), 0.0)
-        a[:] = a * scale.reshape(n, 1) * scale
-        if not np.isfinite(a).all():
-            a[:], scale[:] = 0.0, 1.0
-        np.fill_diagonal(a, 1.0)
-        b[:] = a + damping * n * np.eye(n)
-        for k in range(n):
-            pivot, b[k, k] = 1.0 / b[k, k], 1.0
-            b[k] *= pivot
-            for i in range(n):
-                factor = 0.0 if i == k else b[i, k]
-                b[i, k] -= factor
-                for j in range(n):
-                    b[i, j] -= factor * b[k, j]
-        b[:] = 0.5 * (b + b.T) * scale.reshape(n, 1) * scale
-    return scaled, inverses
+            product[i] += symmetric[j, i] * vector[j]
 
 
 InverseHessians = Callable[[Array, Indices], Array]

@@ -255,6 +255,32 @@ def _unload_gradient(record, objective, table, lane, point, gradient):
         gradient[k] += 2.0 * state_weight(record, objective, point.size, k) * point[k]
 
 
+@allocating_njit
+def _placed(frames, rows, coordinates):
+    """Points of coordinates in the frames of their rows."""
+    points = np.empty(coordinates.shape)
+    for k in range(len(rows)):
+        for i in range(points.shape[1]):
+            total = 0.0
+            for j in range(points.shape[1]):
+                total += frames[rows[k], i, j] * coordinates[k, j]
+            points[k, i] = total + frames[rows[k], i, points.shape[1]]
+    return points
+
+
+@allocating_njit
+def _along(frames, rows, slopes):
+    """Gradients by the coordinates, of those by the points."""
+    gradients = np.empty(slopes.shape)
+    for k in range(len(rows)):
+        for i in range(slopes.shape[1]):
+            total = 0.0
+            for j in range(slopes.shape[1]):
+                total += frames[rows[k], j, i] * slopes[k, j]
+            gradients[k, i] = total
+    return gradients
+
+
 @partial(cached_njit, meanwhile="evopem.estimation.pem.kernels.gauss_newton")
 def passes(problem, task, state, smoothing, barriers, tolerance, limit, trials, few, frames):
     """Trials of all descents, until so many are made or no more than ``few`` descents go on.  No
@@ -266,17 +292,12 @@ def passes(problem, task, state, smoothing, barriers, tolerance, limit, trials, 
     while True:
         rows = np.nonzero(state.line["active"])[0]
         trial = trial_points(state, rows) if trials else state.x
-        points = trial.copy()
-        for k, r in enumerate(rows[: len(frames)]):
-            bfgs.multiply(frames[r, :, :-1].T, trial[k], points[k])
-            points[k] += frames[r, :, -1]
+        points = _placed(frames, rows, trial) if len(frames) else trial
         values, slopes = _pass_over_all(
             *(record, stretches, objective, workspace, task, rows, points),
             *(smoothing[rows], barriers[rows]),
         )
-        gradients = slopes.copy()
-        for k, r in enumerate(rows[: len(frames)]):
-            bfgs.multiply(frames[r, :, :-1], slopes[k], gradients[k])
+        gradients = _along(frames, rows, slopes) if len(frames) else slopes
         if not trials:
             return made, evaluations, values, gradients
         evaluations += advance(state, rows, trial, values, gradients, tolerance, limit)
