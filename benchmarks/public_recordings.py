@@ -4,8 +4,9 @@
     PYTHONPATH=workflow/scripts python benchmarks/public_recordings.py --data FOLDER --set second
 
 ``recordings_of_others.py`` and its later parts, ``recordings_of_others_later.py``,
-``recordings_of_others_latest.py`` and ``recordings_of_others_newest.py``, say where the recordings
-come from and how each is split.  One that is missing is left out, with a message.
+``recordings_of_others_latest.py``, ``recordings_of_others_newest.py`` and
+``recordings_of_others_recent.py``, say where the recordings come from and how each is split.  One
+that is missing is left out, with a message.
 
 Only input, output and rate are given.  Errors are ``100 ||y - yhat|| / ||y - mean(y)||`` of
 simulations of validation samples, from the initial state that their first tenth determines; those
@@ -28,6 +29,7 @@ from recordings_of_others import Record, reserved, second, seen, third
 from recordings_of_others_later import fifth, fourth, sixth
 from recordings_of_others_latest import eighth, ninth, seventh, tenth
 from recordings_of_others_newest import eleventh, fourteenth, thirteenth, twelfth
+from recordings_of_others_recent import fifteenth
 
 import evopem
 from evopem.automatic.cross_validation.simulation import errors_simulated_on
@@ -53,6 +55,7 @@ SETS: dict[str, tuple[Callable[[Path], Iterator[Record]], str, str]] = {
     "twelfth": (twelfth, ", twelfth set", f"{UNSEEN} 1.30 times and 1.3 (1d4b496e)"),
     "thirteenth": (thirteenth, ", thirteenth set", f"{UNSEEN} 0.99 times and 1.4 (2a66cc72)"),
     "fourteenth": (fourteenth, ", fourteenth set", f"{UNSEEN} 1.08 times and 1.5 (b93b8f4a)"),
+    "fifteenth": (fifteenth, ", fifteenth set", "None was in view"),
 }
 
 

@@ -72,6 +72,26 @@ was run on any:
   ``energy_weather_temp.zip`` (passive house by the hour from 2016-11-15: energies of the heater and
   of the appliances, temperature outdoors, temperature of the first room; missing values are
   interpolated).
+
+The set ``fourteenth`` is for one measurement at the end: 8 recordings, two of several inputs,
+chosen by plots and documents and split before anything was run on any:
+
+- amey-waghmare/Twin-Rotor-System (none): ``io_data_22.csv`` and ``io_data_22_2nd.csv`` of ``ARMAX``
+  (twin rotor under feedback: both rotors, first angle; two experiments);
+- pastas/pastas (MIT): ``prec.csv``, ``evap.csv``, ``temp.csv``, ``heads.csv`` of
+  ``doc/examples/data_forecast`` (groundwater by the day from 1998: precipitation, evaporation,
+  temperature, level);
+- vhsabino/MATLAB (none; the set ``third`` has a recording of it as well): ``data_w2.csv`` and
+  ``data_ground_19_08_23.csv`` of ``robocup/w_tuning`` (football robot: demand, rate of turn, every
+  tenth sample; demand, speed of a wheel, every twentieth);
+- FelipeEduardoMarcondes/SYSTEM-IDENTIFICATION-AERO (none): ``chirp_0601_19-39.csv`` and
+  ``chirp_0608_18-44.csv`` of ``PYTHON/dados`` (pendulum with a propeller: power, angle, read every
+  50 milliseconds; sweeps of two days);
+- nbauersfeld/tclab (none): ``tclab.model.q.3.csv`` of ``data`` (transistor: its heater, its
+  temperature);
+- orri93/analysis (none): ``200414c.csv`` and ``200415b.csv`` of ``var/pid/csv`` (boiler under
+  feedback: power, temperature, read every second; two runs);
+- HelmutQualtinger/kinomap (none): ``race.csv`` (cyclist on an ergometer: power, rate of the heart).
 """
 
 from __future__ import annotations
