@@ -209,6 +209,7 @@ def test_a_pole_that_rounding_puts_beyond_the_bound_moves_the_bound_in(
     found = chosen_model.estimate_candidate(choice.candidate, recording, scorer, search)
     expected = [1e-7, 1e-6, 1e-5] if spoiled == 2 else [0.01, 0.1]
     np.testing.assert_allclose(1.0 - np.array(bounds), expected, rtol=1e-6)
+    assert found.largest_radius == bounds[-1]  # what a check compares the roots with
     assert (np.abs(found.model.poles()).max() < 1.0) == (spoiled == 2)
 
 

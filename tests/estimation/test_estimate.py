@@ -234,6 +234,8 @@ def test_units_do_not_matter(exponent):
         (SearchSettings(objective="cubic"), None, "objective must be"),
         (SearchSettings(refine="none"), None, "refine must be"),
         (SearchSettings(max_root_radius=1.0), None, "max_root_radius must lie"),
+        (SearchSettings(seed=-1), None, "seed must be at least 0, not -1"),
+        (SearchSettings(nu=0), None, "nu must be at least 1, not 0"),
         (None, ScoringWindow(1, 30), "no residual before"),
         (None, ScoringWindow(9, 8), "before the first residual"),
         (None, ScoringWindow(9, 398), "needs more than 5 residuals"),

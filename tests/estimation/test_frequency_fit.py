@@ -230,7 +230,7 @@ def test_responses_and_coherences_of_a_universal_file(tmp_path):
         read_responses(path, asked(("*",), ("9:Z+",), frequency="abscissa"))
 
 
-@pytest.mark.parametrize("form", ["parts", "polar", "bode", "spelled", "milli", "complex"])
+@pytest.mark.parametrize("form", ["parts", "polar", "bode", "spelled", "milli", "micro", "complex"])
 def test_responses_of_tables(tmp_path, form):
     values = responses_at(FREQUENCIES, 2)[:, :, 0]
     variances = 0.01 + 0.0 * FREQUENCIES
@@ -247,6 +247,7 @@ def test_responses_of_tables(tmp_path, form):
                 "bode": {"Magnitude (dB)": 20.0 * np.log10(size), "Phase [rad]": angle},
                 "spelled": {"mag (dB re 1 m/N)": 20.0 * np.log10(size), "phase (Radians)": angle},
                 "milli": {"mag": size, "phase [mrad]": 1e3 * angle},
+                "micro": {"mag": size, "phase [µrad]": 1e6 * angle},
             }
             columns |= {f"{name} {part}": column for part, column in parts[form].items()}
         pd.DataFrame(columns).to_csv(path, index=False)

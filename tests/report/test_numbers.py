@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from evopem.models.modes import Mode
 from evopem.report import numbers
 from evopem.validation.checks.check import root_text
 
@@ -29,6 +30,24 @@ THIN = numbers.THIN
 )
 def test_values_with_errors(value, error, text):
     assert numbers.with_error(value, error) == text
+
+
+@pytest.mark.parametrize(
+    ("damping", "error", "cell", "place"),
+    [
+        (9e-7, 0.041, f"<{numbers.FIRM}8", f"2.26 (damping below 8.0{THIN}%)"),
+        (0.004, 0.0021, f"<{numbers.FIRM}0.81", f"2.26 (damping below 0.81{THIN}%)"),
+        (-0.01, 0.01, f"<{numbers.FIRM}0.96", f"2.26 (damping below 0.96{THIN}%)"),
+        (0.004, 0.002, "0.40 ± 0.20", "2.26"),
+        (-0.03, 0.01, "−3.0 ± 1.0", "2.26"),
+        (0.02, math.inf, "2 ± not known", "2.26"),
+        (0.0, math.nan, "0 ± not known", "2.26"),
+    ],
+)
+def test_a_damping_whose_interval_contains_0_has_an_upper_limit_alone(damping, error, cell, place):
+    mode = Mode(2.2584, damping, 0.9 + 0.1j, 0.05, error)
+    assert numbers.mode_cells(mode) == ("2.258 ± 0.050", cell)
+    assert numbers.mode_place(mode) == place
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ from evopem.signals.timestamps import Unevenness
 from evopem.synthesis import true_mode
 
 
-def mode(frequency, damping=0.01, frequency_error=0.1, damping_error=0.005):
+def mode(frequency, damping=0.01, frequency_error=0.1, damping_error=0.004):
     return Mode(frequency, damping, 0j, frequency_error, damping_error)
 
 
@@ -213,6 +213,10 @@ def test_a_mode_that_outlasts_the_recording_gets_a_sentence(results):
     (text,) = told("remarks_on_modes", short, mode_rows([slow, quick], [], []))
     # 2π · 5.36 Hz · 0.0091 · 5 s = 1.53
     assert "last only 1.5 time constants of mode 1" in text
+    unknown = mode(5.36, damping=0.0091, damping_error=0.005)
+    (text,) = told("remarks_on_modes", short, mode_rows([unknown, quick], [], []))
+    assert "interval of the damping of mode 1 contains 0" in text
+    assert "time constants" not in text
     assert "mode 2" not in text
 
 

@@ -21,7 +21,7 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.report.results_text import delay_words
 from evopem.report.verdict import DESIRABLE, ESSENTIAL, mode_lines, verdict
 from evopem.report.verdict_file import verdict_file
-from evopem.results.dataset import DatasetResults, StatedDelay
+from evopem.results.dataset import DatasetResults, ResponseErrors, StatedDelay
 from evopem.results.fleet import summarize
 from evopem.validation.checks import CHECKS, Check
 from evopem.validation.distortion import Distortion, Floor
@@ -315,6 +315,33 @@ def test_prevailing_distortion_is_no_defect_but_takes_the_standard_errors(result
 def test_a_model_without_a_trusted_mode_says_so(results):
     found = verdict(without_modes(results))
     assert answers(found)["modes"] == "no"
+
+
+def test_a_damping_that_the_record_leaves_open_is_said_with_the_mode(identified, build):
+    results = identified.results
+    table = results.validation.modes
+    at = next(place for place, judged in enumerate(table.modes) if judged.trusted)
+    rows = [*table.modes]
+    rows[at] = replace(rows[at], mode=replace(rows[at].mode, damping_ratio=1e-6, damping_se=0.04))
+    changed = with_outcome(results, modes=replace(table, modes=tuple(rows)))
+    (use,) = [use for use in verdict(changed).uses if use.key == "modes"]
+    assert use.name.count("damping below 7.8\u202f%") == 1
+    written = to_json(verdict_file(changed, summarize(changed.evidence), identified.files))
+    limits = [mode["damping_below_percent"] for mode in written["modes"]]
+    assert limits.count(None) == len(limits) - 1
+    assert limits[at] == pytest.approx(7.84, abs=0.01)
+    assert "&lt;\u00a07.8</td>" in build(changed)
+
+
+@pytest.mark.parametrize(
+    ("off", "said"), [(250.0, "by up to a factor of 12"), (1e5, "is not known")]
+)
+def test_an_error_beyond_all_numbers_is_not_known(results, monkeypatch, off, said):
+    errors = ResponseErrors(10.0, off, 5.0)
+    monkeypatch.setattr("evopem.report.verdict.response_errors", lambda *_: [errors])
+    (use,) = [use for use in verdict(results).uses if use.key == "frequency_response"]
+    assert said in use.reason
+    assert "–" not in use.reason
 
 
 def test_nothing_good_is_said_plainly(results, monkeypatch):

@@ -198,6 +198,8 @@ def test_days_of_spreadsheets_and_matlab_are_not_taken_for_seconds(first):
     assert rate(stamps, time_unit="d") == pytest.approx(200.0, rel=1e-6)
     with pytest.raises(InputError, match=r"may be days \(0\.0166667 Hz\) or seconds \(1440 Hz\)"):
         rate(first + np.round(np.arange(300) / 1440.0, 6))  # of a logger, once a minute
+    with pytest.raises(InputError, match=r"may be days \(1\.15741e-05 Hz\) or seconds \(1 Hz\)"):
+        rate(first + np.arange(300))  # once a day
     assert rate(first + np.arange(2000) / 1000.0) == pytest.approx(1000.0)  # seconds of a day
 
 

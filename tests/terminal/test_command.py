@@ -17,6 +17,7 @@ from scipy.io import loadmat
 from scipy.signal import lfilter
 
 import evopem
+from evopem.__main__ import main as started
 from evopem.config.defaults import complete, read_settings, yaml_text
 from evopem.config.keys import COLUMNS
 from evopem.report.numbers import with_error
@@ -390,6 +391,20 @@ def test_a_missing_extra_is_named(folder, monkeypatch, capsys):
     assert "pandas, jinja2, which are not installed" in said
     assert 'pip install "evopem[report]"' in said
     assert not (folder / "results").exists()
+
+
+def test_an_interruption_while_modules_load_is_one_line(monkeypatch, capsys):
+    class Interrupted:
+        @staticmethod
+        def find_spec(name, *_):
+            if name == "evopem.terminal.command":
+                raise KeyboardInterrupt
+
+    monkeypatch.delattr("evopem.terminal.command")
+    monkeypatch.delitem(sys.modules, "evopem.terminal.command")
+    monkeypatch.setattr(sys, "meta_path", [Interrupted, *sys.meta_path])
+    assert started() == 130
+    assert capsys.readouterr().err.strip() == "interrupted"
 
 
 def test_version_and_help_need_no_library(tmp_path):

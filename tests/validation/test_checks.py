@@ -173,7 +173,7 @@ def test_checks_of_an_identified_model_say_what_is_in_its_results(real):
     assert all(bool(check.advice) == (check.passed is not True) for check in results)
     largest = float(np.max(np.abs(np.roots(real.model.model.A))))
     assert real.check("Stable").passed is (largest < 1)
-    assert f"{largest:.5f}" in real.check("Stable").statement
+    assert f"{largest:.7f}" in real.check("Stable").statement
     # The delay's range ends at the true delay.
     assert real.check("Orders").passed is False
     assert "nk = 3 (delay.nk: 2 to 3)" in real.check("Orders").statement
@@ -398,6 +398,10 @@ def test_a_root_at_the_stability_bound_fails(good):
     assert check.passed is False
     assert f"{good.model.search.settings.max_root_radius:g}" in check.statement
     assert check.advice
+    settings = replace(good.model.search.settings, max_root_radius=1.0 - 1e-7)
+    near = replace(good.model.search, settings=settings, at_stability_bound=True)
+    check = good.with_("model", search=near).check("Roots inside the stability bound")
+    assert "(radius 0.9999999)" in check.statement
 
 
 def test_a_root_at_the_stability_bound_of_the_noise_model_alone_is_a_caution(good):

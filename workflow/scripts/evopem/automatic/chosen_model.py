@@ -48,6 +48,7 @@ class ChosenModel:
 
     estimate: StateSpaceEstimate | PolynomialEstimate  # of the plant alone in output-error form
     model: Model  # with the noise model beside an output-error plant in state space
+    largest_radius: float  # that its roots were allowed
     at_upper_ends: tuple[str, ...] = ()  # its orders at the upper end of a range that is given
 
 
@@ -81,9 +82,9 @@ def estimate_candidate(
     InputError when no model of the order meets the constraints, NoModelError of a short record.
     """
     if candidate.polynomials is not None:
-        estimate, ends = _polynomials(candidate, estimation, scorer, search, fit, log)
+        estimate, bound, ends = _polynomials(candidate, estimation, scorer, search, fit, log)
         model = of_signals(estimate.model, estimation)
-        return ChosenModel(replace(estimate, model=model), model, ends)
+        return ChosenModel(replace(estimate, model=model), model, bound, ends)
     assert isinstance(candidate.model, StateSpaceModel)
     start = of_signals(candidate.model, estimation)
     given = candidate.structure, candidate.delays
@@ -107,7 +108,7 @@ def estimate_candidate(
     states = fitted.model
     if states.structure == "ss_oe" and not bare:
         states = with_noise_model(states, estimation, search)
-    return ChosenModel(fitted, states)
+    return ChosenModel(fitted, states, search.max_root_radius)
 
 
 def _polynomials(
@@ -117,9 +118,10 @@ def _polynomials(
     search: SearchSettings,
     fit: FitSettings | None,
     log: Log | None,
-) -> tuple[PolynomialEstimate, tuple[str, ...]]:
+) -> tuple[PolynomialEstimate, float, tuple[str, ...]]:
     orders, model = replace(candidate.orders, structure=candidate.structure), candidate.polynomials
     assert model is not None
+    bound = search.max_root_radius
     if fit is not None:
         constraints = fit.constraints
         if constraints is not None and not _allowed(constraints, orders, estimation):
@@ -137,7 +139,7 @@ def _polynomials(
             log=log,
         )
     else:
-        model, bound = replace(model, structure=candidate.structure), search.max_root_radius
+        model = replace(model, structure=candidate.structure)
         estimate = _optimum(model, estimation, search, log)
         while 0.95 < bound < 1.0 <= np.abs(estimate.model.poles()).max(initial=0.0):
             # Coefficients of many poles near 1 are rounded to those of a pole beyond the bound.
@@ -149,7 +151,7 @@ def _polynomials(
                 raise
             except InputError:
                 break  # no descent begins so far inside: checks say that the model is unstable
-    return estimate, scorer.limits.at_upper_ends(orders)
+    return estimate, bound, scorer.limits.at_upper_ends(orders)
 
 
 def _optimum(

@@ -95,8 +95,8 @@ class Comparison:
 
 
 def rivals_of(scorer: Scorer, choice: Choice, comparison: Comparison) -> tuple[Candidate, ...]:
-    """The compared model of a choice, and those that the data do not tell from it: they do as well
-    on held-out samples as the best one, or the BIC gives no strong evidence against them."""
+    """The compared model of a choice, and those as good on held-out samples as the best one, with
+    the larger ones that a choice leaves, so that bands cover, or that BIC says nothing against."""
     known, kind = comparison.candidates, choice.kind
     of_choice = next((c for c in known if c.name == choice.candidate.name), choice.candidate)
     best = min(known, key=score_of(kind))

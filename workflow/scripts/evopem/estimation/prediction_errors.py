@@ -92,11 +92,14 @@ def _check_length(data: Recording, orders: Orders, window: ScoringWindow, states
 
 
 def check_search_settings(settings: SearchSettings) -> None:
-    """Refuse words that no search knows, and a radius outside the unit circle."""
+    """Refuse words that no search knows, numbers too small, and a radius outside the circle."""
     for name, known in (("objective", OBJECTIVES), ("refine", REFINE)):
         value = getattr(settings, name)
         if value not in known:
             raise ValueError(f"{name} must be one of {known}, not {value!r}")
+    for name, least in {"mu": 1, "lambda_": 1, "nu": 1, "seed": 0, "n_initial_discard": 0}.items():
+        if (given := getattr(settings, name)) < least:
+            raise ValueError(f"{name} must be at least {least}, not {given}")
     if not 0.0 < (radius := settings.max_root_radius) < 1.0:
         raise ValueError(f"max_root_radius must lie between 0 and 1, not {radius}")
 

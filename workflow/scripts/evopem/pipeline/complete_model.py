@@ -66,6 +66,7 @@ def _record_of(
             *(choice, scorer, scored.record, data, limited),
             *(fit if fit.changes_model else None, plant_kept, log),
         )
+    search = replace(search, max_root_radius=chosen.largest_radius)
     return ModelRecord.of(
         *(chosen.estimate, data, search, scored.prepared.transforms, level_of(choice.level, data)),
         model=chosen.model,

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import TypeGuard
 
 from evopem.models.modes import Mode
+from evopem.models.parameter_covariance import NORMAL_95
 from evopem.results.fleet import mode_values
 from evopem.validation.checks.check import superscript, whole
 
@@ -96,10 +97,25 @@ def with_error(value: float | None, error: float | None) -> str:
     return f"{fixed(value, decimals)} ± {fixed(error, decimals)}"
 
 
+def damping_limit(mode: Mode) -> float | None:
+    """Upper end of the 95 % interval of a damping ratio, %, where that contains 0; else None.
+    Such a record does not tell whether the mode decays, and the bound of the search may set it."""
+    damping, half_width = 100.0 * mode.damping_ratio, 100.0 * NORMAL_95 * mode.damping_se
+    return damping + half_width if abs(damping) <= half_width < math.inf else None
+
+
 def mode_cells(mode: Mode) -> tuple[str, str]:
-    """Natural frequency in Hz and damping ratio in percent, with their standard errors."""
+    """Natural frequency in Hz and damping ratio in percent: with standard errors, or its limit."""
     frequency, frequency_error, damping, damping_error = mode_values(mode)
-    return with_error(frequency, frequency_error), with_error(damping, damping_error)
+    limit = damping_limit(mode)
+    shown = with_error(damping, damping_error) if limit is None else f"<{FIRM}{number(limit, 2)}"
+    return with_error(frequency, frequency_error), shown
+
+
+def mode_place(mode: Mode) -> str:
+    """A mode by its frequency in Hz, with the limit of a damping that the record leaves open."""
+    limit, place = damping_limit(mode), number(mode.frequency_hz, 3)
+    return place if limit is None else f"{place} (damping below {percent(limit, 2)})"
 
 
 def to_its_error(value: float | None, error: float | None, most: int = 6) -> str:

@@ -14,6 +14,7 @@ from evopem.report.numbers import (
     enumeration,
     fixed,
     is_number,
+    mode_place,
     number,
     percent,
     plural,
@@ -260,9 +261,9 @@ def _frequency_response(results: DatasetResults) -> Use:
         text = f"its 95 % band {'is not known' if math.isnan(half) else wide}"
     findings: list[Finding] = [("good" if half <= WIDE_BAND else "care", text)]
     if off > GOOD_RESPONSE:
-        text = f"off by up to {ratio(np.exp(off / 100.0))} where the response is large (95 %), most"
-        unknown = "its error is not known where the response is large, as"
-        text = text if math.isfinite(off) else unknown
+        known = off < 100.0 * GOOD_RESPONSE  # else a factor of 10¹³ and more
+        text = f"off by up to {ratio(np.exp(off / 100.0))}" if known else "its error is not known"
+        text += f" where the response is large{' (95 %), most' if known else ', as'}"
         text = f"{text} at {number(place, 3)}{THIN}Hz"
         rival = results.model.rival
         if rival and rival.factor > math.exp(GOOD_RESPONSE / 100.0):
@@ -283,7 +284,7 @@ def _modes(results: DatasetResults) -> Use:
     if not trusted:
         reason = "none passes every test" if others else "the model has no oscillating mode"
         return Use("modes", "modes", "no", reason)
-    shown = [number(judged.mode.frequency_hz, 3) for judged in trusted[:MOST_NAMED]]
+    shown = [mode_place(judged.mode) for judged in trusted[:MOST_NAMED]]
     places = f"{enumeration(shown)}{THIN}Hz"
     if len(trusted) > MOST_NAMED:
         places = enumeration([*shown, f"{len(trusted) - MOST_NAMED} more"])

@@ -6,6 +6,7 @@ from typing import Literal
 
 from evopem.automatic.varying import Moves
 from evopem.files.checksums import sha256_of_file
+from evopem.report.numbers import damping_limit
 from evopem.report.verdict import ModeLine, Use, mode_lines, verdict
 from evopem.results.dataset import DatasetResults, StatedDelay
 from evopem.results.fleet import DatasetSummary, mode_values
@@ -31,6 +32,8 @@ class ListedMode:
     """damping ratio"""
     damping_se_percent: float | None
     """its standard error; null where it is not known"""
+    damping_below_percent: float | None
+    """upper end of its 95 % interval where that contains 0, else null"""
     trusted: bool
     """whether the data give no reason to doubt it"""
     shape_trusted: bool | None
@@ -160,4 +163,5 @@ def _moves(moves: Moves) -> ListedMoves:
 
 def _listed(line: ModeLine, several: bool) -> ListedMode:
     shape_trusted = line.trusted and not line.shape_doubt if several else None
-    return ListedMode(*mode_values(line.mode), line.trusted, shape_trusted, line.why)
+    values = *mode_values(line.mode), damping_limit(line.mode)
+    return ListedMode(*values, line.trusted, shape_trusted, line.why)

@@ -19,8 +19,9 @@ _DAYS_2000, _DAYS_OF_A_CENTURY = (36526, 730486), 36525
 """Days at the beginning of the year 2000, as spreadsheets and MATLAB count them."""
 _LARGEST_STEP_OF_DAYS = 1e-4
 """Smaller steps from such a number on are rather days, 8 s apart at most, than of 10 kHz."""
-_STEPS_OF_LOGGERS = np.array([10, 15, 20, 30, 60, 120, 300, 600, 900, 1800, 3600]) / 86400.0
-"""So are these, in days: 10 s to an hour."""
+_LOGGED = 8640, 5760, 4320, 2880, 1440, 720, 288, 144, 96, 48, 24, 12, 8, 6, 4, 2, 1  # a day
+_STEPS_OF_LOGGERS = 1.0 / np.array(_LOGGED)
+"""So may these be, in days: 10 s to a day."""
 _LARGEST_UPTIME = 1e18
 """Whole numbers from here on are nanoseconds since 1970: they would be 31 years of uptime."""
 

@@ -33,7 +33,9 @@ _PARTS = {
     **dict.fromkeys(("variance", "var"), "variance"),
 }
 """What a column of a response holds, by the words behind its name."""
-_DECIBELS, _RADIANS = (re.compile(text, re.I) for text in (r"\bdB", r"\b(m|milli)?rad(ians?)?\b"))
+_DECIBELS = re.compile(r"\bdB", re.I)
+_RADIANS = re.compile(r"\b(milli|micro|[muµμ])?rad(ians?)?\b", re.I)
+_RADIAN = {"degree": np.pi / 180.0, "": 1.0, "m": 1e-3, "milli": 1e-3}  # others are micro
 _WHOLE = {"complex"}, {"real", "imaginary"}, {"magnitude", "phase"}
 
 
@@ -228,7 +230,8 @@ def _of_columns(path: Path, channels: ChannelSettings) -> Read:
             if _DECIBELS.search(units["magnitude"]):
                 magnitude = 10.0 ** (magnitude / 20.0)
             radians = _RADIANS.search(units["phase"])
-            unit = np.radians(1.0) if radians is None else 1e-3 if radians[1] else 1.0
+            prefix = (radians[1] or "").lower() if radians else "degree"
+            unit = _RADIAN.get(prefix, 1e-6)
             values = magnitude * np.exp(1j * unit * phase)
         responses.append((frequencies, values, parts.get("coherence"), parts.get("variance"), ""))
     return responses, outputs, inputs

@@ -66,7 +66,7 @@ def _inside_unit_circle(what: str, all_roots: Complex) -> tuple[bool | None, str
     if not np.isfinite(largest):
         return None, f"The {what} are not finite."
     where = "inside" if largest < 1.0 else "not inside"
-    statement = f"The largest radius of the {what} is {largest:.5f}, {where} the unit circle."
+    statement = f"The largest radius of the {what} is {largest:.7f}, {where} the unit circle."
     return largest < 1.0, statement
 
 
@@ -79,7 +79,7 @@ def _inside_unit_circle(what: str, all_roots: Complex) -> tuple[bool | None, str
 def stability_bound(evidence: Evidence) -> Found:
     """No root of A, C, D or F, and no eigenvalue, at the largest radius that the search allows."""
     model = evidence.model
-    bound = f"the stability bound (radius {model.search.settings.max_root_radius:g})"
+    bound = f"the stability bound (radius {model.search.settings.max_root_radius:.10g})"
     letters = _letters(model, "acdf").replace(" and ", " or ") if model.orders else ""
     if model.orders and not letters:
         return True, f"The model has no roots that could lie at {bound}."
