@@ -61,10 +61,10 @@ class Projection:
     sections: SectionArrays
     states: Array  # (N, n)
     regressors: Array  # (N, q): states, inputs with feedthrough, constants of levels, and drift
-    factor: Array | None  # (q, q): R of ``regressors = Q R``, where their products tell it
-    found_basis: Array | None  # (N, rank), where they do not
     linear: Array  # (q, ny): least-squares C, D, constants and drift, transposed
     errors: Array  # (N, ny)
+    factor: Array | None = None  # (q, q): R of ``regressors = Q R``, where their products tell it
+    found_basis: Array | None = None  # (N, rank), where they do not
 
     @cached_property
     def basis(self) -> Array:
@@ -159,18 +159,18 @@ class StateSpaceErrors:
 
     def projection(self, point: Array) -> Projection:
         """Errors with the best C, D and constants."""
-        sections, states, regressors = self._regression(point)
-        gram, y = regressors.T @ regressors, self.data.outputs
+        solved = self._regression(point)
+        regressors, y = solved[-1], self.data.outputs
+        gram = regressors.T @ regressors
         sizes = np.sqrt(np.diag(gram))
         sizes[sizes == 0.0] = 1.0
         triangle, failed = dpotrf(gram / np.outer(sizes, sizes))
-        solved = point, sections, states, regressors
         if not failed and dtrcon(triangle)[0] > OF_PRODUCTS:
             factor, linear, errors = triangle * sizes, np.zeros((len(sizes), y.shape[1])), y
             for _ in range(REFINED):
                 step = dtrtrs(factor, dtrtrs(factor, regressors.T @ errors, trans=1)[0])[0]
                 linear, errors = linear + step, errors - regressors @ step
-            return Projection(*solved, factor, None, linear, errors)
+            return Projection(*solved, linear, errors, factor=factor)
         basis, triangle = qr(regressors / sizes, mode="economic", check_finite=False)
         if dtrcon(triangle)[0] > WELL_CONDITIONED * len(sizes):
             along = basis.T @ y
@@ -181,23 +181,23 @@ class StateSpaceErrors:
             basis = basis @ left[:, kept]
             along = basis.T @ y
             linear = (right[kept].T / singular[kept]) @ along
-        return Projection(*solved, None, basis, linear / sizes[:, None], y - basis @ along)
+        linear, errors = linear / sizes[:, None], y - basis @ along
+        return Projection(*solved, linear, errors, found_basis=basis)
 
     def with_linear(self, point: Array, linear: Array) -> Projection:
         """Errors with given C, D and constants, (q, ny) as those of a projection; no basis."""
-        sections, states, regressors = self._regression(point)
-        errors, no_basis = self.data.outputs - regressors @ linear, np.empty((len(states), 0))
-        return Projection(point, sections, states, regressors, None, no_basis, linear, errors)
+        solved = self._regression(point)
+        return Projection(*solved, linear, self.data.outputs - solved[-1] @ linear)
 
-    def _regression(self, point: Array) -> tuple[SectionArrays, Array, Array]:
-        """Sections of a point, the states, and all regressors."""
+    def _regression(self, point: Array) -> tuple[Array, SectionArrays, Array, Array]:
+        """A point, its sections, the states, and all regressors."""
         sections = sections_of(self.layout, point)
         drives = input_matrix(sections, self.layout)
         inputs = self.signals.of_drives @ drives[:, : self.signals.driving].T
         initial = np.ascontiguousarray(drives[:, self.signals.driving :].T)
         poles = sections.sigma, sections.coupling, sections.back
         states = section_states(*poles, initial, inputs, self.data.bounds)
-        return sections, states, np.column_stack([states, *self.direct])
+        return point, sections, states, np.column_stack([states, *self.direct])
 
     def jacobian(self, solved: Projection, signals: Array, output: int) -> tuple[Array, Indices]:
         """Derivatives of what is predicted of an output, from those signals of the sections.
@@ -277,9 +277,8 @@ class StateSpaceErrors:
         regressors: with each other, (n, n), and with the errors, (n, ny)."""
         sections, states = projection.sections, projection.states
         signals = self.signals.derivatives(sections, states)
-        many = signals.size * signals.shape[1] > MANY_PRODUCTS
-        exact = largest_radius(self.layout, projection.point) <= LARGEST_RADIUS
-        if projection.factor is not None and many and exact:
+        many = projection.factor is not None and signals.size * signals.shape[1] > MANY_PRODUCTS
+        if many and largest_radius(self.layout, projection.point) <= LARGEST_RADIUS:
             factors = [projection.errors, self.signals.of_drives, *self.direct]
             ends = np.cumsum([factor.shape[1] for factor in factors[:2]])
             against, driven, direct = np.split(signals.T @ np.hstack(factors), ends, axis=1)
