@@ -97,6 +97,15 @@ def test_a_stuck_sensor_makes_breaks():
     assert [each.samples for each in prepared.stretches] == [100, 260]
 
 
+def test_an_output_that_mostly_stands_still_is_kept_and_said():
+    u, y, _ = output_error_record(400)
+    y[:250] = 0.0
+    plan = decide_preparation(Recording(u, y, 10.0))
+    (about,) = [each for each in plan.decisions if each.subject == "stuck samples"]
+    assert not plan.stuck
+    assert "stands still in 62 % of the samples" in about.sentence
+
+
 def test_quantised_samples_are_not_stuck():
     u, y, _ = output_error_record(400)
     coarse = np.round(lfilter([0.02], [1.0, -0.98], y), 1)

@@ -30,6 +30,8 @@ from evopem.validation.frequency_responses import SPEAK_AGAINST
 from evopem.validation.held_out_tests import NO_TEST
 from evopem.validation.mode_evidence import doubts
 
+SMALL = {"simulation_error_percent": 5.0, "prediction_error_percent": 5.0}
+
 
 def with_checks(monkeypatch, results, grade="defect", **outcomes):
     """Every check passed, but those whose outcome is given by name."""
@@ -85,10 +87,10 @@ def test_a_check_that_did_not_pass_takes_its_uses_away(
     results, monkeypatch, check, passed, use, answer
 ):
     with_checks(monkeypatch, results)
-    before = answers(verdict(with_outcome(results, simulation_error_percent=5.0)))
+    before = answers(verdict(with_outcome(results, **SMALL)))
     assert before[use] == "good"
     with_checks(monkeypatch, results, **{check: passed})
-    found = verdict(with_outcome(results, simulation_error_percent=5.0))
+    found = verdict(with_outcome(results, **SMALL))
     assert answers(found)[use] == answer
     (named,) = [each for each in found.uses if each.name == use]
     assert f"“{check.replace('_', ' ')}”" in named.reason
@@ -107,7 +109,7 @@ def test_a_check_that_did_not_pass_takes_its_uses_away(
 def test_a_verdict_follows_the_kind_of_a_check(results, monkeypatch, check, grade, answer):
     """What the user's own range or the search limits is no fault of the model."""
     with_checks(monkeypatch, results, grade, **{check: False})
-    found = verdict(with_outcome(results, simulation_error_percent=5.0))
+    found = verdict(with_outcome(results, **SMALL))
     assert answers(found)["one-step prediction"] == answers(found)["standard errors"] == answer
     if answer == "care":
         word = "caution" if grade == "caution" else "failed"
@@ -150,8 +152,20 @@ def test_a_model_no_better_than_the_mean_is_good_for_nothing_that_it_computes(
 )
 def test_a_prediction_is_good_up_to_sixty_percent(results, monkeypatch, error, answer):
     with_checks(monkeypatch, results)
-    found = verdict(with_outcome(results, prediction_error_percent=error))
+    both = dict.fromkeys(("prediction_error_percent", "simulation_error_percent"), error)
+    found = verdict(with_outcome(results, **both))
     assert answers(found)["one-step prediction"] == answer
+
+
+def test_a_prediction_worse_than_the_simulation_is_given_with_care(results, monkeypatch):
+    with_checks(monkeypatch, results)
+    for error, answer in ((10.5, "good"), (12.0, "care")):
+        changed = with_outcome(
+            results, prediction_error_percent=error, simulation_error_percent=10.0
+        )
+        (use,) = [use for use in verdict(changed).uses if use.key == "prediction"]
+        assert use.answer == answer
+        assert ("a simulation, without past outputs, by 10.0" in use.reason) == (answer == "care")
 
 
 def test_a_response_whose_simulation_or_band_is_poor_is_given_with_care(results, monkeypatch):

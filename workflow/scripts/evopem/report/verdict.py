@@ -45,6 +45,7 @@ _WORDS: dict[Answer, str] = {"good": "good for", "care": "with care for", "no": 
 # and of use at all: the report shows them beside the word.
 GOOD_SIMULATION = 30.0
 USABLE_SIMULATION = 60.0
+WORSE = 1.1  # one-step errors to those of a simulation, which a true noise model does not exceed
 # The error of the mean of the output: a model that is no better is of no use.
 ERROR_OF_MEAN = 100.0
 WIDE_BAND = 25.0  # half width of a 95 % band of the gain, %, from which on it is a rough one
@@ -216,22 +217,21 @@ def _simulations(results: DatasetResults) -> list[Use]:
 
 def _prediction(results: DatasetResults) -> Use:
     validation, several = results.validation, len(results.outputs) > 1
-    samples = f"{results.model.transforms.judging} samples"
-    where = f" on {'average over the outputs' if several else samples}"
-    # Without a noise model it is a simulation, and is as good as one.
-    limits = USABLE_SIMULATION, BELOW_MEAN
-    if not results.model.has_noise_model:
-        limits = GOOD_SIMULATION, USABLE_SIMULATION
-    findings = [_by_error(validation.prediction_error_percent, where, limits)]
+    error, simulated = validation.prediction_error_percent, validation.simulation_error_percent
+    where = f" on {results.model.transforms.judging} samples"
+    modelled = results.model.has_noise_model  # else it is a simulation, and is as good as one
+    limits = (USABLE_SIMULATION, BELOW_MEAN) if modelled else (GOOD_SIMULATION, USABLE_SIMULATION)
+    findings = [_by_error(error, " on average over the outputs" if several else where, limits)]
+    if error > WORSE * simulated and modelled:
+        findings.append(("care", f"a simulation, without past outputs, by {percent(simulated)}"))
     if several:
         errors = [output.prediction_error_percent for output in validation.outputs]
         largest = float(np.nanmax([*errors, -math.inf]))
-        text = f"by up to {percent(largest)}"
+        findings.append(("good", f"by up to {percent(largest)}"))
         if largest >= ERROR_OF_MEAN:
             worst = results.outputs[errors.index(largest)].prepared
-            text = f"by {percent(largest)} at {worst}, no better than its mean"
-        findings.append(("care" if largest >= ERROR_OF_MEAN else "good", text))
-    if not results.model.has_noise_model and white(results.validation) is not True:
+            findings[-1] = "care", f"by {percent(largest)} at {worst}, no better than its mean"
+    if not modelled and white(results.validation) is not True:
         findings.append(("care", "the residuals are coloured, which no noise model uses"))
     return _use("prediction", "one-step prediction", *findings, _by_checks("prediction", results))
 

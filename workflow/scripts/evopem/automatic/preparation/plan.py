@@ -225,7 +225,8 @@ def prepared_data(divided: PreparedData, plan: PreparationPlan, place: str) -> P
     validation, held_out = _part(divided.validation, before.validation, others, offsets, pole)
     for origin, whole in zip(before.validation, divided.validation.segments, strict=True):
         if origin.recording not in {origin.recording for origin in held_out}:
-            problem = f"{whole.samples} validation samples are too few"
+            least = f"has the {SHORTEST_STRETCH * plan.factor} without a gap that are needed"
+            problem = f"no stretch of {whole.samples} validation samples {least}"
             remedy = "leave more samples to validation, or record longer"
             raise InputError(f"{place}.split", problem, remedy)
     ends = [origin.first + origin.samples for origin in before.estimation]

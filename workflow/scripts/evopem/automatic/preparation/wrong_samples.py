@@ -134,6 +134,10 @@ def decide_stuck(recordings: Sequence[Recording], starts: Sequence[int]) -> tupl
     share, others = float(np.mean(still)), float(np.mean(repeated & ~still))
     is_stuck = 0.0 < share < MOST_STUCK and others < REPEATED
     sentence = "No stretch in which the output stands still is distinguished from the rest."
+    if share >= MOST_STUCK:
+        sentence = (
+            f"The output stands still in {100 * share:.0f} % of the samples: that may be real."
+        )
     if is_stuck:
         sentence = (
             "Long stretches in which the output stands still, unlike elsewhere, become breaks."
