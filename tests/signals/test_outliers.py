@@ -106,6 +106,17 @@ def test_what_the_system_does_is_not_a_wrong_sample(unusual):
         assert not without_outliers([Segment(u, unusual(g, u))]).replaced[0].any()
 
 
+def test_a_sample_that_is_far_off_among_unusual_noise_is_replaced():
+    """Its replacement leaves what chance leaves once in 1000 times, but a millionth of the rest."""
+    g = np.random.default_rng(13)
+    u, e = g.standard_normal((2, 2000))
+    e[[502, 505, 508, 511]] = [4.0, -4.0, 4.0, -4.0]
+    y = response(u, 0.02 * e)
+    y[[500, 900, 1400]] += [20.0, -15.0, 10.0]
+    found = without_outliers([Segment(u, y)])
+    assert np.flatnonzero(found.replaced[0]).tolist() == [500, 900, 1400]
+
+
 def test_a_sample_without_neighbours_on_both_sides_is_kept():
     g = np.random.default_rng(11)
     u, e = g.standard_normal((2, 1000))

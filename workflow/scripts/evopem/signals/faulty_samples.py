@@ -117,9 +117,10 @@ MOST_ROUNDS, OF_LARGEST = 25, 0.3
 # Rounds of Tukey's bisquare weights before the first replacements, with his constant for 95 %
 # efficiency; the standard deviation of a normal variable over its median absolute deviation.
 WEIGHTINGS, BISQUARE, NORMAL_MAD = 5, 4.685, 1.4826
-# Level at which the residuals around a replaced sample are those of all others, the largest share
-# of the power of changes where they are not, and the largest share of samples that are replaced.
-UNEXPLAINED_LEVEL, MOST_UNEXPLAINED, MOST_REPLACED = 1e-3, 0.25, 0.05
+# Level at which the residuals around a replaced sample are those of all others, or the share of the
+# power of a large one that an interpolation leaves which is off by 3 % of it; the largest share of
+# the power of changes where they are more, and the largest share of samples that are replaced.
+UNEXPLAINED_LEVEL, LEFT, MOST_UNEXPLAINED, MOST_REPLACED = 1e-3, 1e-3, 0.25, 0.05
 LONGEST_PIECE = 50_000  # samples that one model is estimated from
 
 
@@ -310,7 +311,8 @@ def _judged(part: Part, before: Array, mask: Flags, model: _Arx) -> tuple[Flags,
     wrong, powers = np.zeros(len(mask), bool), [0.0, 0.0]
     for at in np.flatnonzero(mask):
         near = residuals[max(at - lags, lags) : at + lags + 1]
-        strange = np.sum(near**2) > scipy.special.chdtri(len(near), UNEXPLAINED_LEVEL)
+        by_chance = scipy.special.chdtri(len(near), UNEXPLAINED_LEVEL)
+        strange = np.sum(near**2) > max(by_chance, LEFT * alone[at])
         powers[int(strange)] += changes[at] ** 2
         wrong[at] = not strange and clear[at] and alone[at] > AS_LIKELY * passed[at]
     return wrong, powers[0], powers[1]
