@@ -8,7 +8,7 @@ from records import noisy, output_error_record
 from scipy.signal import chirp, lfilter
 
 from evopem.automatic.fit import fit
-from evopem.automatic.preparation import decimation
+from evopem.automatic.preparation import decimation, disturbance
 from evopem.automatic.preparation.decimation import decide_decimation
 from evopem.automatic.preparation.disturbance import decide_high_pass, decide_objective, passed
 from evopem.automatic.preparation.plan import decide_preparation, prepare
@@ -260,6 +260,23 @@ def test_a_walk_beside_white_noise_is_filtered_by_the_zero_of_their_sum(pole):
     )
     true = np.array([1.0, -1.5, 0.8])
     assert np.abs(filtered - true).max() < (0.8 if pole > 0.9 else 0.1) * np.abs(plain - true).max()
+
+
+def test_a_fold_whose_models_are_near_instability_decides_nothing_of_a_filter(monkeypatch):
+    u, walk = np.random.default_rng(6).standard_normal((2, 1000))
+    y = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.8], u) + np.cumsum(walk)
+    stretch, errors, filtered = Segment(u, y - y.mean()), disturbance._probe_errors, []
+
+    def probed(fold, training):
+        filtered.extend([fold] * (training is not fold.training))
+        of_first = training is not fold.training and len(filtered) == 1
+        return (1e3 if of_first else 1.0) * errors(fold, training)
+
+    high_pass, _ = decide_high_pass([stretch])
+    assert high_pass != NO_FILTER
+    monkeypatch.setattr(disturbance, "_probe_errors", probed)
+    assert decide_high_pass([stretch])[0] == high_pass
+    assert len(filtered) == 4
 
 
 def test_a_record_that_is_too_short_to_simulate_held_out_samples_is_not_filtered():

@@ -151,14 +151,17 @@ def _shares(fits: Sequence[ArxFit], stretches: Sequence[Segment], path: HighPass
 
 
 def _worse_simulated(stretches: Sequence[Segment], high_pass: HighPass) -> float:
-    """Mean logarithm of how much larger simulation errors of models of filtered samples are."""
+    """Logarithm of how much larger simulation errors of models of filtered samples are: the median
+    of folds, as a model that is near instability in one may err there by any factor."""
     logarithms = [
-        np.log(_probe_errors(fold, [passed(s, high_pass) for s in fold.training]))
-        - np.log(_probe_errors(fold, fold.training))
+        np.mean(
+            np.log(_probe_errors(fold, [passed(s, high_pass) for s in fold.training]))
+            - np.log(_probe_errors(fold, fold.training))
+        )
         for alone in _of_outputs(first_samples(stretches, MOST_SAMPLES))
         for fold in probe_folds(alone)
     ]
-    return float(np.mean(logarithms)) if logarithms else np.inf
+    return float(np.median(logarithms)) if logarithms else np.inf
 
 
 def probe_folds(stretches: Sequence[Segment]) -> list[Fold]:
