@@ -103,7 +103,7 @@ def test_an_output_that_mostly_stands_still_is_kept_and_said():
     plan = decide_preparation(Recording(u, y, 10.0))
     (about,) = [each for each in plan.decisions if each.subject == "stuck samples"]
     assert not plan.stuck
-    assert "stands still in 62 % of the samples" in about.sentence
+    assert "stands still in 62 % of samples" in about.sentence
 
 
 def test_quantised_samples_are_not_stuck():

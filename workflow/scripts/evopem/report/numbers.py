@@ -98,10 +98,10 @@ def with_error(value: float | None, error: float | None) -> str:
 
 
 def damping_limit(mode: Mode) -> float | None:
-    """Upper end of the 95 % interval of a damping ratio, %, where that contains 0; else None.
-    Such a record does not tell whether the mode decays, and the bound of the search may set it."""
+    """Upper end of the 95 % interval of a damping ratio, %, where that contains 0 and not 100; else
+    None. Then the record does not tell whether the mode decays: the search's bound may set it."""
     damping, half_width = 100.0 * mode.damping_ratio, 100.0 * NORMAL_95 * mode.damping_se
-    return damping + half_width if abs(damping) <= half_width < math.inf else None
+    return damping + half_width if abs(damping) <= half_width < 100.0 - damping else None
 
 
 def mode_cells(mode: Mode) -> tuple[str, str]:

@@ -135,13 +135,9 @@ def decide_stuck(recordings: Sequence[Recording], starts: Sequence[int]) -> tupl
     is_stuck = 0.0 < share < MOST_STUCK and others < REPEATED
     sentence = "No stretch in which the output stands still is distinguished from the rest."
     if share >= MOST_STUCK:
-        sentence = (
-            f"The output stands still in {100 * share:.0f} % of the samples: that may be real."
-        )
+        sentence = f"The output stands still in {100 * share:.0f} % of samples: too many to leave."
     if is_stuck:
-        sentence = (
-            "Long stretches in which the output stands still, unlike elsewhere, become breaks."
-        )
+        sentence = "Long stretches of a still output, unlike elsewhere, become breaks."
     alternatives = (Alternative("no", others), Alternative("yes", share))
     criterion = "share of samples that repeat the one before: scattered ones, in long stretches"
     choice = "yes" if is_stuck else "no"
