@@ -20,6 +20,7 @@ from evopem.automatic.candidates import (
 from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.fit import fits_in_state_space, from_likeliest
+from evopem.automatic.fold_errors import STRONG
 from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges
@@ -27,6 +28,7 @@ from evopem.config.structures import OF_SIMULATION, REGULARISED, is_polynomial
 from evopem.errors import NoModelError
 from evopem.estimation.delays import SHORT_DELAY, is_of_feedback, likely_delays, longest_delay
 from evopem.estimation.search.problem import Log
+from evopem.estimation.state_space.estimate import RISES
 from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.models.orders import Orders, changed, neighbours
 from evopem.models.polynomial import PolynomialModel, of_signals
@@ -60,6 +62,8 @@ MOST_WORK = 1_100_000
 # Largest number of states, with an input and without one, and that above which they are tried in
 # steps of two.
 MOST_STATES, MOST_ALONE, SINGLE_STEPS = 40, 80, 10
+# What errors that are a tenth larger add to the BIC.
+MISSED = 2.0 * float(np.log(1.1))
 # Output values of the smallest training part for each parameter of models of several channels.
 VALUES_PER_PARAMETER = 5
 
@@ -185,9 +189,14 @@ def _by_states(
         return []
     given = scorer.stretches, structure, states, scorer.delays, scorer.settings
     starts = {c.order: c.model for c in known if isinstance(c.model, StateSpaceModel)}
+    armax = {c.order: c.bic for c in known if c.structure == "armax" and c.orders.inputs == 1}
     candidates: list[Candidate] = []
     for order, fitted in fits_in_state_space(*given, starts, log):
         candidates.append(scorer.described(structure, fitted, order))
+        # The innovations form of one channel is ARMAX of as many poles: its descents ended higher.
+        missed = (c.bic > armax.get(c.order, np.inf) + MISSED for c in candidates[-RISES:])
+        if sum(missed) == RISES:
+            break
         if structure in OF_SIMULATION and order > SINGLE_STEPS:
             best = min(candidates, key=SIMULATION_BIC)
             if best not in candidates[-PATIENCE:]:
@@ -223,14 +232,11 @@ def _decision(
     if too_short:
         sentence = "The record is too short for this structure."
     elif candidates:
-        best = min(candidates, key=lambda candidate: candidate.bic)
-        at_edge, name = best is candidates[-1], best.name
-        at_start = len(candidates) > 1 and best is candidates[0]
-        sentence = f"{name} has the smallest BIC of {len(candidates)} orders" + (
-            ", the largest that was tried."
-            if at_edge
-            else f"{', the smallest that was tried' * at_start}; larger ones bring nothing."
-        )
+        best = min(candidates, key=BIC)
+        name, at_start = best.name, ", the smallest that was tried" * (best is candidates[0])
+        end = f"{at_start}; larger ones bring nothing."
+        end = ", the largest that was tried." if best is candidates[-1] else end
+        sentence = f"{name} has the smallest BIC of {len(candidates)} orders{end}"
     alternatives = tuple(Alternative(candidate.name, candidate.bic) for candidate in candidates)
     return Decision(f"orders of {structure}", name, alternatives, "BIC", sentence)
 
@@ -300,13 +306,20 @@ def refine_orders(scorer: Scorer, start: Candidate, score: Score) -> list[Candid
             given = best.structure, orders, [_polynomials(best)]
             candidate = scorer.candidate(*given, own_starts=False, scored=False)
             tried += [candidate] if candidate is not None else []
-        tried, least = (tried, 0.0) if score is BIC else (scorer.with_scores(tried), GAIN)
+        tried, least = (tried, 0.0) if score is BIC else (_scored(scorer, tried, best), GAIN)
         lowest = min(tried, key=score)
         if not score(lowest) < score(best) - least * score(best):
             break
         best = lowest
     plant = with_white_noise(scorer, best) if score is BIC and any(best.orders.nf) else None
     return [*tried, *filter(None, [plant]), scorer.with_own_scores(best)]
+
+
+def _scored(scorer: Scorer, tried: Sequence[Candidate], best: Candidate) -> list[Candidate]:
+    """Candidates with scores, but where both criteria are clearly worse than those of the best."""
+    most = STRONG / scorer.independent_samples
+    hopeful = [c for c in tried if any(f(c) < f(best) + most for f in (BIC, SIMULATION_BIC))]
+    return [*scorer.with_scores(hopeful), *(c for c in tried if c not in hopeful)]
 
 
 def with_white_noise(scorer: Scorer, start: Candidate) -> Candidate | None:

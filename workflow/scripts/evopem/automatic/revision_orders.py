@@ -49,7 +49,7 @@ def _with(
 
     def candidate_of(best: Candidate) -> Candidate | None:
         models = [c.polynomials for c in (best, current) if c.polynomials is not None]
-        return scorer.candidate(structure or current.structure, orders, models)
+        return scorer.candidate(structure or current.structure, orders, models, scored=False)
 
     return candidate_of
 

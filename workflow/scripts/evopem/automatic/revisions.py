@@ -59,8 +59,9 @@ def act_on_checks(scorer: Scorer, choice: Choice, searched: Sequence[Candidate] 
             candidate = candidate_of(best)
             if candidate is None:
                 continue
-            taken = _is_better(scorer, candidate, best)
-            taken = taken and _is_allowed(scorer, candidate, first, choice)
+            if taken := _is_better(scorer, candidate, best):
+                candidate = scorer.with_own_scores(candidate)
+                taken = _is_allowed(scorer, candidate, first, choice)
             trials.append(_trial(scorer, " and ".join(failed), name, candidate, choice, taken))
             tried += [(check, candidate) for check in failed]
             if taken:
@@ -120,7 +121,7 @@ def _statement(
     score = score_of(choice.kind)
     holding = [candidate for candidate in tried if check not in scorer.checks(candidate).failed]
     if holding:
-        best = min(holding, key=score)
+        best = min(map(scorer.with_own_scores, holding), key=score)
         others = sorted(set(scorer.checks(best).failed) - set(scorer.checks(current).failed))
         fails = f", and {' and '.join(f'“{failing}”' for failing in others)} fails"
         return (

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from evopem.arrays import Array
 from evopem.signals.correlation import independent_share
+from evopem.signals.least_squares import WIDTH
 
 # Singular values of the response to an initial state below this share of the largest one say
 # nothing about the state, unless errors need them.
@@ -54,13 +55,10 @@ def fitted(
     # Copies of large arrays take longer than what is computed of them.
     weighted, weighted_goal = rows, goal
     for _ in range(REWEIGHTINGS + 1 if robust else 1):
-        if prior is not None:
-            weighted = np.vstack([weighted, prior])
-            weighted_goal = np.concatenate([weighted_goal, np.zeros(len(prior))])
-        # States of very different sizes would make the small ones look undetermined.
-        sizes = np.linalg.norm(weighted, axis=0)
-        sizes = np.where(sizes > 0.0, sizes, 1.0)
-        coefficients = _least_squares(weighted / sizes, weighted_goal) / sizes
+        if prior is None:
+            coefficients = _least_squares(weighted, weighted_goal)
+        else:
+            coefficients = _determined(weighted, weighted_goal, prior)
         if robust:
             left = np.abs(goal - rows @ coefficients)
             weights = 1.0 / np.sqrt(np.maximum(left, 0.1 * np.mean(left) + 1e-300))
@@ -72,11 +70,13 @@ def probable(columns: Array, target: Array, spread: Array, robust: bool, root: A
     """The most probable coefficients, (k,), of columns, (N, ny, k), that leave noise of a target.
 
     The first n are normal, ``root`` (n, n) of their second moments, levels behind them with those
-    of the target: beside an integrator they would draw ramps.  The noise has the size of what
-    :func:`fitted` leaves.  Other arguments as there.
+    of the target: beside an integrator they would draw ramps.  The noise has the size of what least
+    squares leave.  Other arguments as of :func:`fitted`.
     """
     (samples, ny, count), n = columns.shape, len(root)
-    left = target - columns @ fitted(columns, target, spread)
+    scale = np.where(spread > 0.0, spread, 1.0)
+    basis, goal = np.linalg.qr((columns / scale[:, None]).reshape(-1, count))[0], target / scale
+    left = scale * (goal.ravel() - basis @ (basis.T @ goal.ravel())).reshape(target.shape)
     freedom = samples - count / ny
     squares = left**2 * samples / freedom if ny * freedom >= n else target**2
     noise = np.sqrt(np.maximum(np.mean(squares, axis=0), 1e-20 * np.mean(target**2, axis=0)))
@@ -99,8 +99,23 @@ def levels_moved(same: Array, moved: Array, spread: Array, robust: bool) -> bool
     return bool(gain > least and gain * min(independent_share(e) for e in moved.T) > least)
 
 
+def _determined(columns: Array, goal: Array, prior: Array) -> Array:
+    """Beside rows of a prior that leave no direction free: a triangle takes a third of the time of
+    singular values."""
+    count, known = columns.shape[1], len(goal)
+    rows = np.zeros((count + 1, known + len(prior)))
+    rows[:count, :known], rows[count, :known], rows[:count, known:] = columns.T, goal, prior.T
+    factors = scipy.linalg.lapack.dgeqrf(rows.T, WIDTH * len(rows), overwrite_a=True)[0]
+    triangle, along = factors[:count, :count], factors[:count, count]
+    return np.asarray(scipy.linalg.lapack.dtrtrs(triangle, along)[0])
+
+
 def _least_squares(columns: Array, goal: Array) -> Array:
     """Without the directions that are hardly seen, unless the BIC prefers a fit with them."""
+    # States of very different sizes would make the small ones look undetermined.
+    norms = np.linalg.norm(columns, axis=0)
+    norms = np.where(norms > 0.0, norms, 1.0)
+    columns = columns / norms
     coefficients, rank, sizes = _solved(columns, goal, STATE_RANK)
     share = min(len(columns) * EPSILON, STATE_RANK)
     if rank < np.sum(sizes > share * sizes.max(initial=0.0)):
@@ -109,8 +124,8 @@ def _least_squares(columns: Array, goal: Array) -> Array:
             max(float(np.sum((goal - columns @ x) ** 2)), TINY) for x in (coefficients, finer)
         )
         if len(goal) * np.log(left / less) > (more - rank) * np.log(len(goal)):
-            return finer
-    return coefficients
+            return finer / norms
+    return coefficients / norms
 
 
 def _solved(columns: Array, goal: Array, share: float) -> tuple[Array, int, Array]:

@@ -250,7 +250,7 @@ def _revision(trial: Trial, choice: Choice) -> Row:
     return {
         "step": "revision",
         "model": trial.model,
-        f"{choice.kind}_error_percent": trial.score,
+        f"{choice.kind}_error_percent": trial.score if np.isfinite(trial.score) else None,
         "selected": trial.taken,
         "reason": f"{trial.revision}, as {trial.check} failed: {outcome}",
     }
