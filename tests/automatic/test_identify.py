@@ -223,6 +223,17 @@ def test_a_candidate_that_is_scored_late_stands_once_among_the_others(monkeypatc
     assert set(names) >= {each.name for each in found}
 
 
+@pytest.mark.parametrize(("likelier", "tried"), [(0.0, 4), (1.0, 2)])
+def test_states_end_where_polynomials_of_the_same_systems_are_far_likelier(likelier, tried):
+    u, y, _ = output_error_record(300)
+    stretches, limits = [Segment(u, y)], OrderLimits(ranges=OrderRanges(nx=(1, 4)))
+    scorer = Scorer(stretches, decide_folds(stretches), CommonSettings(), limits, delays=(1,))
+    of_orders = [Orders(na=n, nb=n, nc=n, nk=1) for n in (1, 2, 3, 4)]
+    known = (scorer.candidate("armax", orders, scored=False) for orders in of_orders)
+    armax = StructureSearch("armax", tuple(replace(c, bic=c.bic - likelier) for c in known), ABOUT)
+    assert len(search_structure(scorer, "ss", {"armax": armax}).orders) == tried
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_orders_of_the_noise_are_refined_by_likelihood(seed):
     """Simulation errors, which are those of the noise, do not tell them."""
