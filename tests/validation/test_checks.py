@@ -412,6 +412,9 @@ def test_a_root_at_the_stability_bound_of_the_noise_model_alone_is_a_caution(goo
         check = good.with_("model", search=at_bound).check("Roots inside the stability bound")
         assert check.word == word
         assert ("No pole of the response" in check.statement) == (word == "Caution")
+        assert check.statement.startswith(
+            f"A root of {'C' if word == 'Caution' else 'A or C'} lies"
+        )
 
 
 SPARE = {"supported": False}

@@ -80,7 +80,9 @@ def stability_bound(evidence: Evidence) -> Found:
     """No root of A, C, D or F, and no eigenvalue, at the largest radius that the search allows."""
     model = evidence.model
     bound = f"the stability bound (radius {model.search.settings.max_root_radius:.10g})"
-    letters = _letters(model, "acdf").replace(" and ", " or ") if model.orders else ""
+    of_noise = model.search.at_stability_bound and is_of_noise(model)
+    which = "cd" if of_noise else "acdf"
+    letters = _letters(model, which).replace(" and ", " or ") if model.orders else ""
     if model.orders and not letters:
         return True, f"The model has no roots that could lie at {bound}."
     what = f"root of {letters}" if letters else "eigenvalue of A or of A − K C"
@@ -89,14 +91,15 @@ def stability_bound(evidence: Evidence) -> Found:
     a = f"{'A' if letters else 'An'} {what} lies at"
     if model.may_be_unstable:
         return (None, f"{a} or beyond {bound}, and the constraints fix or allow such roots.", "")
-    alone = " No pole of the response to the input does." * is_of_noise(model)
+    alone = " No pole of the response to the input does." * of_noise
     return False, f"{a} {bound}: the bound and not the data determines its radius.{alone}"
 
 
 def is_of_noise(model: ModelRecord) -> bool:
     """Whether the response to an input has no pole at the stability bound."""
     radius = float(np.max(np.abs(model.poles), initial=0.0))
-    return model.has_input and not lies_at_bound(radius, model.search.settings.max_root_radius)
+    at_bound = lies_at_bound(radius, model.search.settings.max_root_radius)
+    return model.has_input and model.has_noise_model and not at_bound
 
 
 LOWER_THE_ORDERS = (
