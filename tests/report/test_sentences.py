@@ -266,7 +266,7 @@ def test_poles_and_zeros(results):
     assert f"decays to 37 % within 0.0949{THIN}s" in text
     assert "Of 3 poles, 2 form 1 oscillating mode and 1 is real." in text
     assert "1 zero of B lies outside the unit circle, so the inverse of G is unstable." in text
-    assert "The largest zero of the noise filter has radius 0.30000." in text
+    assert "The largest zero of the noise filter has radius 0.3000000." in text
     assert "ellipse" not in text
     unknown = replace(given, model=identified.without_covariance(given.model))
     (text,) = told("poles_zeros", unknown)
