@@ -1,5 +1,7 @@
 """Plant and noise model side by side: the same simulations, and predictions of the filters."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -10,7 +12,7 @@ from evopem.estimation.state_space.estimate import (
     estimates_of_orders,
     noise_models,
 )
-from evopem.estimation.state_space.local_estimates import StateSpaceTask, descend_from
+from evopem.estimation.state_space.local_estimates import StateSpaceTask, best_descent, descend_from
 from evopem.models.conversions import plant_of, side_by_side
 from evopem.signals.recording import Recording
 
@@ -136,3 +138,16 @@ def test_a_noise_model_with_zeros_at_the_bound_is_begun_with_less_gain():
     assert found.model.order == 11
     # The share of the innovations in the outputs, of which the fit takes some away.
     assert 2.5 < found.objective < 100.0 * 0.04 / (1.0 + 0.04 / (1.0 - 0.8**2))
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_the_best_of_several_starts_goes_on(both, record, first):
+    recording = Recording(*record, 10.0)
+    task = StateSpaceTask.of(recording, "ss_bj", 1)
+    near = replace(both, structure="ss", covariance=None)
+    far = replace(near, A=np.diag([0.9999, 0.9998, 0.9, -0.9]), K=0.0 * both.K)
+    starts = [far, near] if first else [near, far]
+    alone = [descend_from(start, recording, task).bic for start in (near, far)]
+    found = best_descent(starts, recording, task, 100)
+    assert alone[1] > alone[0] + 0.1
+    assert found.bic < alone[0] + 1e-6

@@ -26,6 +26,7 @@ from evopem.estimation.state_space.local_estimates import (
     QUADRATIC,
     StateSpaceEstimate,
     StateSpaceTask,
+    best_descent,
     descend_from,
     described,
     plain_estimates,
@@ -51,8 +52,8 @@ PLANT_WEIGHTING: OutputWeighting = "noise"
 RANDOM_STARTS = 8  # models of random allowed poles that are descended from
 CONSTRAINED = 1  # last number of the key of their draws
 # Shares of a noise model's gain that descents begin with: less draws its zeros in from the bound,
-# beyond which a start may be unstable.
-GAIN_SHARES = (1.0, 0.95)
+# beyond which a start may be unstable; and noise models that they begin with.
+GAIN_SHARES, NOISES = (1.0, 0.8), 2
 SAME = 1e-9  # relative distance of two objectives that is rounding
 
 
@@ -135,7 +136,7 @@ def _beside(
     for start in starts:
         with suppress(LostModelError):
             optima.append(descend_from(start, recording, task))
-    optima.append(estimate_beside(plant.model, recording, task))
+    optima.append(estimate_beside(plant.model, recording, task, POLISH_STEPS))
     return replace(min(optima, key=lambda estimate: estimate.bic), order=order)
 
 
@@ -183,7 +184,7 @@ def estimates_of_orders(
     given = recording, orders, plants, min(width, WIDTH), steps, starts, log
     for plant in plain_estimates(*given):
         with suppress(NoModelError, np.linalg.LinAlgError):
-            yield replace(estimate_beside(plant.model, recording, task), order=plant.order)
+            yield replace(estimate_beside(plant.model, recording, task, steps), order=plant.order)
 
 
 def noise_orders(recording: Recording) -> tuple[int, ...]:
@@ -232,20 +233,18 @@ def _beside_noise(plant: StateSpaceModel, noise: StateSpaceModel | None) -> Stat
 
 
 def estimate_beside(
-    plant: StateSpaceModel, recording: Recording, task: StateSpaceTask
+    plant: StateSpaceModel, recording: Recording, task: StateSpaceTask, steps: int
 ) -> StateSpaceEstimate:
     """The optimum of innovations form next to an output-error plant with its noise model.
 
-    With less of its gain, else the next likely one, where no descent ends at a stable model.
-    ValueError when the recording is too short, or that is so of each of them.
+    The best from the likeliest ones, with all of their gain and with less; see
+    :func:`.best_descent`.
     """
-    models = noise_models(plant, recording, task.settings, covariances=False)
-    for noise, share in product(models, GAIN_SHARES):
+    starts, models = [], noise_models(plant, recording, task.settings, covariances=False)
+    for noise, share in product(models[:NOISES], GAIN_SHARES):
         start = _beside_noise(plant, noise)
-        start = replace(start, K=share * start.K, structure="ss", covariance=None)
-        with suppress(NoModelError):
-            return descend_from(start, recording, task)
-    raise NoModelError("no descent from the plant beside a noise model ended at a stable model")
+        starts.append(replace(start, K=share * start.K, structure="ss", covariance=None))
+    return best_descent(starts, recording, task, steps)
 
 
 def check_state_space_constraints(constraints: Constraints, errors: StateSpaceErrors) -> None:

@@ -1,6 +1,7 @@
 """Estimates of one state-space problem: next to a model, of ascending orders, in full."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Self, get_args
@@ -17,7 +18,7 @@ from evopem.estimation.criteria import (
     limited,
     log_loss,
 )
-from evopem.estimation.damped_descent import SWEEP_WIDTH
+from evopem.estimation.damped_descent import SWEEP_WIDTH, Optimum
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.prediction_errors import check_search_settings
 from evopem.estimation.search.problem import Log, SearchResult
@@ -35,6 +36,7 @@ from evopem.estimation.state_space.scaled_recording import scaled_recording
 from evopem.estimation.state_space.search import (
     FINAL_WIDTH,
     NO_MODELS,
+    continued,
     likeliest_order,
     problem_for,
     result_of,
@@ -49,6 +51,8 @@ STRUCTURES, WEIGHTINGS = get_args(StateSpaceStructure), get_args(OutputWeighting
 QUADRATIC = SearchSettings(objective="quadratic")
 # Periods of the drift of structure ss_oe_drift in the longest segment, the shortest one.
 DRIFT_PERIODS = 5
+# Steps of a round of a race of descents, and how many take them.
+ROUNDS = ((10, 4), (15, 2))
 MOST_LOST = 2  # orders in a row that are lost in rounding at which a sweep ends
 
 
@@ -222,6 +226,39 @@ def descend_from(
     with one_blas_thread():
         reached = _descended_from(model, recording, task, POLISH_STEPS, POLISH_TOLERANCE)
         return described(*reached, task.covariances)
+
+
+def best_descent(
+    models: Sequence[StateSpaceModel], recording: Recording, task: StateSpaceTask, steps: int
+) -> StateSpaceEstimate:
+    """The optimum that the best of descents from models of any orders ends at, for squares by BIC.
+
+    The next one follows where it ends at no stable model.  ValueError when the recording is too
+    short, or that is so of each of them.
+    """
+    raced, tolerance = [], POLISH_TOLERANCE if steps > STEPS else TOLERANCE
+    with one_blas_thread():
+        for model in models:
+            errors = task.errors(recording, model.order)
+            raced.append((errors, Optimum(point_of_model(model, errors), np.inf, False, 0)))
+        for some, many in ROUNDS if task.settings.objective == "quadratic" else ():
+            raced[:many] = [(of, continued(of, at, some, TOLERANCE)) for of, at in raced[:many]]
+            raced.sort(key=_bic)
+        for errors, at in raced:
+            problem = problem_for(errors, task.settings)
+            start = problem.completed(at.point)[None, :]
+            reached = problem.descents(start, steps, tolerance, SWEEP_WIDTH)
+            if np.isfinite(reached.values[0]):
+                with suppress(LostModelError):
+                    return described(problem, result_of(reached, at.evaluations), task.covariances)
+    raise NoModelError("no descent ended at a stable model")
+
+
+def _bic(descent: tuple[StateSpaceErrors, Optimum]) -> float:
+    """That of squared errors, less what is the same for all orders."""
+    (errors, reached), samples = descent, descent[0].data.samples
+    size = errors.data.outputs.shape[1] * np.log(errors.percent(reached.value))
+    return float(size + errors.parameters * np.log(samples) / samples)
 
 
 def refitted(
