@@ -11,32 +11,23 @@ from evopem.errors import InputError
 from evopem.signals.time_units import TIME_UNITS, stated_unit
 
 STEP_TOLERANCE = 0.1  # a step may differ from the median step by this share of it
-GRID_TOLERANCE = 1e-3
-"""A stamp may differ from the uniform grid by half a step or this share of the recording."""
+GRID_TOLERANCE = 1e-3  # a stamp may be off an even grid by half a step or this share of the whole
 RATE_TOLERANCE = 1e-3  # a stated rate may differ from that of the stamps by this share
 _SECONDS_1990, _SECONDS_2050 = 6.3e8, 2.5e9
-_DAYS_2000, _DAYS_OF_A_CENTURY = (36526, 730486), 36525
-"""Days at the beginning of the year 2000, as spreadsheets and MATLAB count them."""
-_LARGEST_STEP_OF_DAYS = 1e-4
-"""Smaller steps from such a number on are rather days, 8 s apart at most, than of 10 kHz."""
+_DAYS_2000, _DAYS_OF_A_CENTURY = (36526, 730486), 36525  # as spreadsheets and MATLAB count them
+_LARGEST_STEP_OF_DAYS = 1e-4  # smaller ones are rather days, 8 s apart at most, than of 10 kHz
 _LOGGED = 8640, 5760, 4320, 2880, 1440, 720, 288, 144, 96, 48, 24, 12, 8, 6, 4, 2, 1  # a day
-_STEPS_OF_LOGGERS = 1.0 / np.array(_LOGGED)
-"""So may these be, in days: 10 s to a day."""
-_LARGEST_UPTIME = 1e18
-"""Whole numbers from here on are nanoseconds since 1970: they would be 31 years of uptime."""
+_STEPS_OF_LOGGERS = 1.0 / np.array(_LOGGED)  # so may these be, of 10 s to a day
+_LARGEST_UPTIME = 1e18  # nanoseconds since 1970 from here on: they would be 31 years of uptime
 
-TICK_SPREAD = 0.1
-"""Ticks of one clock may differ by this share of a tick, as 15 and 16 ms do of one of 15.6 ms."""
+TICK_SPREAD = 0.1  # ticks of one clock may differ by this share, as 15 and 16 ms do of 15.6 ms
 KNOWN = 0.01  # largest relative error of a rate that stamps of a coarse clock may leave
-FEWEST, SMALLEST_SHARE = 10, 0.1
-"""Steps of each length, and their share, from which on they are no repeated or lost samples."""
+FEWEST, SMALLEST_SHARE = 10, 0.1  # steps of each length that are no repeated or lost samples
 _HALVINGS = 60  # of the interval in which the step is searched; as many as a double has digits
 
-LONGEST_GAP, MOST_IN_GAPS = 20, 0.1
-"""Steps between two stamps that are interpolated at most, and the largest share of samples."""
+LONGEST_GAP, MOST_IN_GAPS = 20, 0.1  # steps, and share of samples, that are interpolated at most
 GAP = 1.5  # two stamps farther apart than so many usual steps have a gap between them
-BLOCKS, SHORTEST_BLOCK = 8, 25
-"""Parts of the stamps whose mean steps are compared, and their smallest number of steps."""
+BLOCKS, SHORTEST_BLOCK = 8, 25  # parts whose mean steps are compared, and steps in each at least
 LARGEST_CHANGE, SIGNIFICANT = 0.03, 6.0
 """Mean steps that differ by more than this share, and this many standard errors, are of two
 rates."""

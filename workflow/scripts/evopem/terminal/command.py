@@ -25,7 +25,7 @@ from evopem.results.identity import origins
 from evopem.results.layout import DatasetFiles, check_folders
 from evopem.version import __version__
 
-_OPTIONS = {
+_OPTIONS = {  # how the keys that a remedy names are given to this command
     "uneven_time: interpolate": "--uneven-time interpolate",
     "frequency: abscissa": "--frequency abscissa",
     'decimal_mark: ","': "--decimal-mark ,",
@@ -34,7 +34,6 @@ _OPTIONS = {
     "time_unit": "--time-unit",
     "header_lines": "--header-lines",
 }
-"""How the keys that a remedy names are given to this command."""
 _DESCRIPTION = """\
 Identify a dynamic system from a recording of its inputs and outputs: a model, natural frequencies
 and damping ratios with standard errors, and a report that says how far to trust them.
