@@ -279,6 +279,23 @@ def test_a_fold_whose_models_are_near_instability_decides_nothing_of_a_filter(mo
     assert len(filtered) == 4
 
 
+def test_what_a_filter_costs_in_all_folds_of_an_output_counts_beside_the_others(monkeypatch):
+    u, *walks = np.random.default_rng(6).standard_normal((4, 1000))
+    response = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.8], u)
+    y = response[:, None] + 0.1 * np.cumsum(walks, axis=1).T
+    stretch, errors, filtered = Segment(u, y - y.mean(axis=0)), disturbance._probe_errors, []
+
+    def probed(fold, training):
+        is_filtered = training is not fold.training
+        filtered.extend([fold] * is_filtered)
+        return (1e3 if is_filtered and len(filtered) > 8 else 1.0) * errors(fold, training)
+
+    assert decide_high_pass([stretch])[0] != NO_FILTER
+    monkeypatch.setattr(disturbance, "_probe_errors", probed)
+    assert decide_high_pass([stretch])[0] == NO_FILTER
+    assert len(filtered) == 12
+
+
 def test_a_record_that_is_too_short_to_simulate_held_out_samples_is_not_filtered():
     u, walk = np.random.default_rng(1).standard_normal((2, 75))
     y = lfilter([1.0, 1.0], [1.0], u) + 0.3 * np.cumsum(walk)

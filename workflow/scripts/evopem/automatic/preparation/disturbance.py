@@ -151,17 +151,17 @@ def _shares(fits: Sequence[ArxFit], stretches: Sequence[Segment], path: HighPass
 
 
 def _worse_simulated(stretches: Sequence[Segment], high_pass: HighPass) -> float:
-    """Logarithm of how much larger simulation errors of models of filtered samples are: the median
-    of folds, as a model that is near instability in one may err there by any factor."""
-    logarithms = [
-        np.mean(
-            np.log(_probe_errors(fold, [passed(s, high_pass) for s in fold.training]))
-            - np.log(_probe_errors(fold, fold.training))
-        )
-        for alone in _of_outputs(first_samples(stretches, MOST_SAMPLES))
-        for fold in probe_folds(alone)
-    ]
-    return float(np.median(logarithms)) if logarithms else np.inf
+    """Logarithm of how much larger simulation errors of models of filtered samples are: of each
+    output the median of folds, as a model near instability in one may err there by any factor."""
+
+    def worse(fold: Fold) -> float:
+        parts = [passed(s, high_pass) for s in fold.training], fold.training
+        filtered, plain = (np.log(_probe_errors(fold, part)) for part in parts)
+        return float(np.mean(filtered - plain))
+
+    outputs = _of_outputs(first_samples(stretches, MOST_SAMPLES))
+    logarithms = [[worse(fold) for fold in probe_folds(alone)] for alone in outputs]
+    return float(np.mean(np.median(logarithms, axis=1))) if all(logarithms) else np.inf
 
 
 def probe_folds(stretches: Sequence[Segment]) -> list[Fold]:
