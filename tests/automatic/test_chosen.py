@@ -213,6 +213,22 @@ def test_a_pole_that_rounding_puts_beyond_the_bound_moves_the_bound_in(
     assert (np.abs(found.model.poles()).max() < 1.0) == (spoiled == 2)
 
 
+def test_a_bound_that_no_descent_begins_inside_is_not_stated(candidate, monkeypatch):
+    recording, _, scorer, choice = candidate
+    refit, search = chosen_model.refitted_estimate, SearchSettings(max_root_radius=0.99)
+
+    def rounded(model, data, settings):
+        if settings.max_root_radius < search.max_root_radius:
+            raise NoModelError("no start is inside")
+        estimate = refit(model, data, settings)
+        return replace(estimate, model=replace(estimate.model, F=(np.poly([1.0 + 1e-8, 0.5]),)))
+
+    monkeypatch.setattr(chosen_model, "refitted_estimate", rounded)
+    search = replace(search, evaluations=0)
+    found = chosen_model.estimate_candidate(choice.candidate, recording, scorer, search)
+    assert found.largest_radius == 0.99
+
+
 def test_a_model_from_which_no_descent_begins_further_inside_is_kept(candidate, monkeypatch):
     recording, _, scorer, choice = candidate
     refit, bounds = chosen_model.refitted_estimate, []

@@ -143,14 +143,14 @@ def _polynomials(
         estimate = _optimum(model, estimation, search, log)
         while 0.95 < bound < 1.0 <= np.abs(estimate.model.poles()).max(initial=0.0):
             # Coefficients of many poles near 1 are rounded to those of a pole beyond the bound.
-            bound = 1.0 - 10.0 * (1.0 - bound)
+            inside = replace(search, max_root_radius=1.0 - 10.0 * (1.0 - bound))
             try:
-                inside = replace(search, max_root_radius=bound)
                 estimate = _optimum(model, estimation, inside, log)
             except LostModelError:
                 raise
             except InputError:
                 break  # no descent begins so far inside: checks say that the model is unstable
+            bound = inside.max_root_radius
     return estimate, bound, scorer.limits.at_upper_ends(orders)
 
 
