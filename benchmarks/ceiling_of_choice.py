@@ -4,9 +4,9 @@
 
 Of recordings of others (``public_recordings.py``) each model that the choice knows is simulated on
 the validation samples, as peers are: from the state that their first tenth determines, with a
-level that is fitted to what is scored.  Errors above 100 % count as 100 %.  What is best is known
-afterwards alone; ``near`` is the best of the models whose held-out errors are at most so much
-above the lowest one.
+level that is fitted to what is scored.  Errors above 100 % count as 100 %.  Which model is best is
+known afterwards alone: of all, or of those whose held-out errors are at most so many times the
+lowest one.
 """
 
 from __future__ import annotations

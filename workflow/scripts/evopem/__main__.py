@@ -4,7 +4,7 @@ import sys
 
 
 def main() -> int:
-    """The command, which also an interruption while its modules load ends in one line."""
+    """Run the command; an interruption ends it in one line, also while its modules load."""
     try:
         from evopem.terminal import command
 

@@ -37,7 +37,7 @@ class Trial:
     check: str  # that failed before
     revision: str
     model: str  # name of the candidate
-    # error for the purpose on held-out samples, percent; infinite where no fewer checks fail
+    # error for the purpose on held-out samples, percent; infinite where checks and BIC refuse it
     score: float
     whiteness: float  # p-value of the Ljung-Box test of the residuals
     correlation: float  # largest cross-correlation of residuals and input, in its 95 % bounds

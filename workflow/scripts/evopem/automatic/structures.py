@@ -95,8 +95,8 @@ class Comparison:
 
 
 def rivals_of(scorer: Scorer, choice: Choice, comparison: Comparison) -> tuple[Candidate, ...]:
-    """The compared model of a choice, and those as good on held-out samples as the best one, with
-    the larger ones that a choice leaves, so that bands cover, or that BIC says nothing against."""
+    """The compared model of a choice, and those that its bands are to cover: as good on held-out
+    samples as the best one, also where they are larger, or with no BIC clearly against them."""
     known, kind = comparison.candidates, choice.kind
     of_choice = next((c for c in known if c.name == choice.candidate.name), choice.candidate)
     best = min(known, key=score_of(kind))

@@ -33,7 +33,7 @@ class ListedMode:
     damping_se_percent: float | None
     """its standard error; null where it is not known"""
     damping_below_percent: float | None
-    """upper end of its 95 % interval where that contains 0, else null"""
+    """upper end of its 95 % interval where that contains 0 and not 100, else null"""
     trusted: bool
     """whether the data give no reason to doubt it"""
     shape_trusted: bool | None
