@@ -237,13 +237,13 @@ def estimate_beside(
 ) -> StateSpaceEstimate:
     """The optimum of innovations form next to an output-error plant with its noise model.
 
-    The best from the likeliest ones, with all of their gain and with less; see
-    :func:`.best_descent`.
+    The best from the likeliest ones, with all of their gain and with less, else from the plant
+    alone; see :func:`.best_descent`.
     """
-    starts, models = [], noise_models(plant, recording, task.settings, covariances=False)
-    for noise, share in product(models[:NOISES], GAIN_SHARES):
-        start = _beside_noise(plant, noise)
-        starts.append(replace(start, K=share * start.K, structure="ss", covariance=None))
+    noises = noise_models(plant, recording, task.settings, covariances=False)[:NOISES]
+    pairs = [*product(noises, GAIN_SHARES), (None, 0.0)]
+    models = [(_beside_noise(plant, noise), share) for noise, share in pairs]
+    starts = [replace(m, K=share * m.K, structure="ss", covariance=None) for m, share in models]
     return best_descent(starts, recording, task, steps)
 
 
