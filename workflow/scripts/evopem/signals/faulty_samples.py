@@ -117,9 +117,9 @@ MOST_ROUNDS, OF_LARGEST = 25, 0.3
 # Rounds of Tukey's bisquare weights before the first replacements, with his constant for 95 %
 # efficiency; the standard deviation of a normal variable over its median absolute deviation.
 WEIGHTINGS, BISQUARE, NORMAL_MAD = 5, 4.685, 1.4826
-# Level at which the residuals around a replaced sample are those of all others, or the share of the
-# power of a large one that an interpolation leaves which is off by 3 % of it; the largest share of
-# the power of changes where they are more, and the largest share of samples that are replaced.
+# Level at which the residuals around a replaced sample are those of all others; the share of its
+# power that they may have where it is large, of an interpolation that is off by 3 % of the change;
+# the largest share of the power of changes where they are more, and that of replaced samples.
 UNEXPLAINED_LEVEL, LEFT, MOST_UNEXPLAINED, MOST_REPLACED = 1e-3, 1e-3, 0.25, 0.05
 LONGEST_PIECE = 50_000  # samples that one model is estimated from
 

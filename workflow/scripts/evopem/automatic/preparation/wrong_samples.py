@@ -135,7 +135,7 @@ def decide_stuck(recordings: Sequence[Recording], starts: Sequence[int]) -> tupl
     is_stuck = 0.0 < share < MOST_STUCK and others < REPEATED
     sentence = "No stretch in which the output stands still is distinguished from the rest."
     if share >= MOST_STUCK:
-        sentence = f"The output stands still in {100 * share:.0f} % of samples: too many to leave."
+        sentence = f"The output stands still in {100 * share:.0f} % of samples: too many to cut."
     if is_stuck:
         sentence = "Long stretches of a still output, unlike elsewhere, become breaks."
     alternatives = (Alternative("no", others), Alternative("yes", share))
