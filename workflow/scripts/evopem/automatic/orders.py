@@ -20,7 +20,6 @@ from evopem.automatic.candidates import (
 from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.fit import fits_in_state_space, from_likeliest
-from evopem.automatic.fold_errors import STRONG
 from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges
@@ -189,7 +188,8 @@ def _by_states(
         return []
     given = scorer.stretches, structure, states, scorer.delays, scorer.settings
     starts = {c.order: c.model for c in known if isinstance(c.model, StateSpaceModel)}
-    armax = {c.order: c.bic for c in known if c.structure == "armax" and c.orders.inputs == 1}
+    single = [c for c in known if c.structure == "armax" and c.orders.inputs == 1]
+    armax = {c.order: c.bic for c in sorted(single, key=BIC, reverse=True)}  # the lowest of each
     candidates: list[Candidate] = []
     for order, fitted in fits_in_state_space(*given, starts, log):
         candidates.append(scorer.described(structure, fitted, order))
@@ -306,20 +306,13 @@ def refine_orders(scorer: Scorer, start: Candidate, score: Score) -> list[Candid
             given = best.structure, orders, [_polynomials(best)]
             candidate = scorer.candidate(*given, own_starts=False, scored=False)
             tried += [candidate] if candidate is not None else []
-        tried, least = (tried, 0.0) if score is BIC else (_scored(scorer, tried, best), GAIN)
+        tried, least = (tried, 0.0) if score is BIC else (scorer.with_scores(tried), GAIN)
         lowest = min(tried, key=score)
         if not score(lowest) < score(best) - least * score(best):
             break
         best = lowest
     plant = with_white_noise(scorer, best) if score is BIC and any(best.orders.nf) else None
     return [*tried, *filter(None, [plant]), scorer.with_own_scores(best)]
-
-
-def _scored(scorer: Scorer, tried: Sequence[Candidate], best: Candidate) -> list[Candidate]:
-    """Candidates with scores, but where both criteria are clearly worse than those of the best."""
-    most = STRONG / scorer.independent_samples
-    hopeful = [c for c in tried if any(f(c) < f(best) + most for f in (BIC, SIMULATION_BIC))]
-    return [*scorer.with_scores(hopeful), *(c for c in tried if c not in hopeful)]
 
 
 def with_white_noise(scorer: Scorer, start: Candidate) -> Candidate | None:

@@ -72,8 +72,8 @@ def _inside_unit_circle(what: str, all_roots: Complex) -> tuple[bool | None, str
 
 @check(
     INSIDE_BOUND,
-    "A root of C at the bound indicates overdifferencing: lower “transforms.difference”. A pole"
-    " there indicates drift or very low damping: remove the drift, or raise"
+    "A root of C at the bound of differenced signals indicates overdifferencing: lower"
+    " “transforms.difference”. A pole there indicates drift or very low damping: remove it, or raise"
     " “search.max_root_radius” towards 1. With a short record, lower the orders.",
 )
 def stability_bound(evidence: Evidence) -> Found:
