@@ -73,8 +73,8 @@ def _inside_unit_circle(what: str, all_roots: Complex) -> tuple[bool | None, str
 @check(
     INSIDE_BOUND,
     "A root of C at the bound of differenced signals indicates overdifferencing: lower"
-    " “transforms.difference”. A pole there indicates drift or very low damping: remove it, or raise"
-    " “search.max_root_radius” towards 1. With a short record, lower the orders.",
+    " “transforms.difference”. A pole there indicates drift or very low damping: remove the drift,"
+    " or raise “search.max_root_radius” towards 1. With a short record, lower the orders.",
 )
 def stability_bound(evidence: Evidence) -> Found:
     """No root of A, C, D or F, and no eigenvalue, at the largest radius that the search allows."""
