@@ -193,7 +193,8 @@ def _by_states(
     candidates: list[Candidate] = []
     for order, fitted in fits_in_state_space(*given, starts, log):
         candidates.append(scorer.described(structure, fitted, order))
-        # The innovations form of one channel is ARMAX of as many poles: its descents ended higher.
+        # The innovations form of one channel is ARMAX of as many poles, and its optimum no higher:
+        # where it ends higher twice in a row, its descents fail.
         missed = (c.bic > armax.get(c.order, np.inf) + MISSED for c in candidates[-RISES:])
         if sum(missed) == RISES:
             break

@@ -100,8 +100,8 @@ def levels_moved(same: Array, moved: Array, spread: Array, robust: bool) -> bool
 
 
 def _determined(columns: Array, goal: Array, prior: Array) -> Array:
-    """Beside rows of a prior that leave no direction free: a triangle takes a third of the time of
-    singular values."""
+    """Beside rows of a prior that leave no direction free: a QR factorization takes a third of the
+    time of a singular value decomposition."""
     count, known = columns.shape[1], len(goal)
     rows = np.zeros((count + 1, known + len(prior)))
     rows[:count, :known], rows[count, :known], rows[:count, known:] = columns.T, goal, prior.T

@@ -17,7 +17,7 @@ _SECONDS_1990, _SECONDS_2050 = 6.3e8, 2.5e9
 _DAYS_2000, _DAYS_OF_A_CENTURY = (36526, 730486), 36525  # as spreadsheets and MATLAB count them
 _LARGEST_STEP_OF_DAYS = 1e-4  # smaller ones are rather days, 8 s apart at most, than of 10 kHz
 _LOGGED = 8640, 5760, 4320, 2880, 1440, 720, 288, 144, 96, 48, 24, 12, 8, 6, 4, 2, 1  # times a day
-_STEPS_OF_LOGGERS = 1.0 / np.array(_LOGGED)  # so may these be, of 10 s to a day
+_STEPS_OF_LOGGERS = 1.0 / np.array(_LOGGED)  # likely days too: 10 s to a day
 _LARGEST_UPTIME = 1e18  # nanoseconds since 1970 from here on: they would be 31 years of uptime
 
 TICK_SPREAD = 0.1  # ticks of one clock may differ by this share, as 15 and 16 ms do of 15.6 ms
